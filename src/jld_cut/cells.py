@@ -38,11 +38,11 @@ _CONCAVE: Final = np.radians(20.0)  # turn of a concave edge that is split
 
 @dataclass(frozen=True)
 class Limits:
-    fit: Floats  # (3,) sides of the box, ascending
-    volume: float
+    fit: Floats  # (3,) sides of the box that a part must fit in, ascending
+    volume: float  # largest volume of a part
     aim: int = 24  # cells, where nothing else decides
-    cells: int = 60
-    faces: int = 100
+    cells: int = 60  # most cells
+    faces: int = 100  # most joints
 
     def hold(self, box: Floats, volume: float) -> bool:
         """Return whether a body of a box (6,) and a volume is within them."""
@@ -79,12 +79,13 @@ class Cutting:
         self.size = float((box[3:] - box[:3]).max())
 
     def through(self, normal: Floats, offset: float, which: Iterable[int] | None = None) -> None:
+        """Cut some cells, by default all, by a plane."""
         chosen = set(range(len(self.cells)) if which is None else which)
-        found: list[Any] = []
+        pieces: list[Any] = []
         for k, cell in enumerate(self.cells):
-            found += self._split(cell, normal, offset) if k in chosen else [cell]
-        if len(found) > len(self.cells):
-            self.cells = found
+            pieces += self._split(cell, normal, offset) if k in chosen else [cell]
+        if len(pieces) > len(self.cells):
+            self.cells = pieces
             self.planes.append(np.array([*normal, offset]))
 
     def _split(self, cell: Any, normal: Floats, offset: float) -> list[Any]:
@@ -92,40 +93,43 @@ class Cutting:
         halves = cell.split_by_plane(tuple(normal), float(offset))
         if min(half.volume() for half in halves) < 1e-9 * self.size**3:
             return [cell]
-        sides = [[one for one in pieces_of(half) if one.volume() > 1e-12 * self.size**3] for half in halves]
+        sides = [[piece for piece in pieces_of(half) if piece.volume() > 1e-12 * self.size**3] for half in halves]
         # where the plane runs along a face, rounding leaves a sheet on the other side of it
-        sheets = [[one for one in side if 2 * one.volume() < _SHEET * self.size * one.surface_area()] for side in sides]
+        sheets = [
+            [piece for piece in side if 2 * piece.volume() < _SHEET * self.size * piece.surface_area()]
+            for side in sides
+        ]
         if any(sheets):
-            thick = [[one for one in side if one not in thin] for side, thin in zip(sides, sheets, strict=True)]
+            thick = [[piece for piece in side if piece not in thin] for side, thin in zip(sides, sheets, strict=True)]
             if not all(thick):
                 return [cell]
             join = manifold3d().Manifold.batch_boolean
-            both = zip(thick, sheets[::-1], strict=True)
-            sides = [pieces_of(join([*own, *thin], manifold3d().OpType.Add)) for own, thin in both]
-        return [one for side in sides for one in side]
+            joins = zip(thick, sheets[::-1], strict=True)
+            sides = [pieces_of(join([*body, *thin], manifold3d().OpType.Add)) for body, thin in joins]
+        return [piece for side in sides for piece in side]
 
     def locally(self, point: Floats, normal: Floats) -> bool:
         """Cut the cell at a point, only where the section through the point is connected."""
         ball = manifold3d().Manifold.sphere(1e-3 * self.size, 8).translate(tuple(point))
         holding = [(float((cell ^ ball).volume()), k) for k, cell in enumerate(self.cells)]
-        volume, at = max(holding)
+        volume, cut_cell = max(holding)
         if volume <= 0.0:
             return False
         offset = float(normal @ point)
-        pieces = self._split(self.cells[at], normal, offset)
+        pieces = self._split(self.cells[cut_cell], normal, offset)
         if len(pieces) < 2:
             return False
         plane = np.array([*normal, offset])
-        found = sorted(sections(pieces, plane, self.size), key=lambda one: one[2].distance(_at(plane, point)))
+        meeting = sorted(sections(pieces, plane, self.size), key=lambda section: section[2].distance(_at(plane, point)))
         # all pieces that meet at other sections stay joined, unless this also joins the two sides of the chosen one
         side = list(range(len(pieces)))
-        first, second = found[0][:2] if found else (0, 1)
-        for a, b, _ in found[1:]:
+        first, second = meeting[0][:2] if meeting else (0, 1)
+        for a, b, _ in meeting[1:]:
             ends = {side[a], side[b]}
             if ends != {side[first], side[second]}:
-                side = [side[a] if one in ends else one for one in side]
-        whole = [[pieces[k] for k in range(len(pieces)) if side[k] == name] for name in sorted(set(side))]
-        self.cells[at : at + 1] = [union(group) for group in whole]
+                side = [side[a] if section in ends else section for section in side]
+        groups = [[pieces[k] for k in range(len(pieces)) if side[k] == name] for name in sorted(set(side))]
+        self.cells[cut_cell : cut_cell + 1] = [union(group) for group in groups]
         self.planes.append(plane)
         return True
 
@@ -171,8 +175,8 @@ def union(cells: list[Any]) -> Any:
     checkpoint()
     if len(cells) == 1:
         return cells[0]
-    whole = sum(cell.volume() for cell in cells)
-    return closed(cells, whole) or manifold3d().Manifold.batch_boolean(cells, manifold3d().OpType.Add)
+    volume = sum(cell.volume() for cell in cells)
+    return closed(cells, volume) or manifold3d().Manifold.batch_boolean(cells, manifold3d().OpType.Add)
 
 
 def closed(bodies: list[Any], volume: float) -> Any | None:
@@ -203,15 +207,15 @@ def _join_small(cells: list[Any], joints: list[Joint], limits: Limits) -> list[i
     for joint in joints:
         pair = min(joint.a, joint.b), max(joint.a, joint.b)
         area[pair], pieces[pair] = area.get(pair, 0.0) + joint.area, pieces.get(pair, 0) + 1
-    mean, alive = sum(volume) / len(volume), set(owner)
+    mean, remaining = sum(volume) / len(volume), set(owner)
     stuck: set[int] = set()
-    while alive - stuck:
-        smallest = min(alive - stuck, key=lambda k: volume[k])
-        too_many = len(alive) > limits.cells or sum(pieces.values()) > limits.faces
+    while remaining - stuck:
+        smallest = min(remaining - stuck, key=lambda k: volume[k])
+        too_many = len(remaining) > limits.cells or sum(pieces.values()) > limits.faces
         if volume[smallest] >= SLIVER * mean and not too_many:
             break
-        beside = sorted(((size, pair) for pair, size in area.items() if smallest in pair), reverse=True)
-        for _, pair in beside:  # largest common area first
+        neighbours = sorted(((size, pair) for pair, size in area.items() if smallest in pair), reverse=True)
+        for _, pair in neighbours:  # largest common area first
             other = pair[0] if pair[1] == smallest else pair[1]
             box = np.concatenate(
                 [np.minimum(boxes[smallest][:3], boxes[other][:3]), np.maximum(boxes[smallest][3:], boxes[other][3:])]
@@ -223,9 +227,9 @@ def _join_small(cells: list[Any], joints: list[Joint], limits: Limits) -> list[i
             continue
         # the joints of the joined cell become those of its owner
         boxes[other], volume[other] = box, volume[other] + volume[smallest]
-        alive.remove(smallest)
+        remaining.remove(smallest)
         owner = [other if name == smallest else name for name in owner]
-        for old in [one for one in area if smallest in one]:
+        for old in [pair for pair in area if smallest in pair]:
             third = old[0] if old[1] == smallest else old[1]
             size, number = area.pop(old), pieces.pop(old)
             if third != other:
@@ -249,10 +253,10 @@ def sides_of(cell: Any, plane: Floats, size: float) -> tuple[Any, Any]:
     """Return the regions of a plane that a cell covers from below and from above."""
     points, triangles = surface_of(cell)
     flat = np.abs(points @ plane[:3] - plane[3]) < _FLAT * size
-    lies = triangles[flat[triangles].all(axis=1)]
-    if not len(lies):
+    in_plane = triangles[flat[triangles].all(axis=1)]
+    if not len(in_plane):
         return shapely.Polygon(), shapely.Polygon()
-    corners = (points @ basis(plane[:3]).T)[lies]
+    corners = (points @ basis(plane[:3]).T)[in_plane]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     turn = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     below, above = turn > 1e-14 * size**2, turn < -1e-14 * size**2
@@ -265,39 +269,39 @@ def sections(cells: list[Any], plane: Floats, size: float) -> list[tuple[int, in
     reach = np.where(plane[:3] > 0, high, low) @ plane[:3], np.where(plane[:3] > 0, low, high) @ plane[:3]
     touched = np.flatnonzero((reach[0] >= plane[3] - _FLAT * size) & (reach[1] <= plane[3] + _FLAT * size))
     sides = {k: sides_of(cells[k], plane, size) for k in touched.tolist()}
-    found = []
+    regions = []
     for a, (below, _) in sides.items():
         for b, (_, above) in sides.items():
             if a == b or below.is_empty or above.is_empty or not shapely.intersects(below, above):
                 continue
             common = shapely.intersection(below, above, grid_size=1e-10 * size)
-            found += [
+            regions += [
                 (a, b, part)
                 for part in shapely.get_parts(common).tolist()
                 if part.geom_type == "Polygon" and part.area > _LEAST * size**2
             ]
-    return found
+    return regions
 
 
 def joints_of(
     cells: list[Any], planes: list[Floats], size: float, bent: float = BENT, corners: int | None = CORNERS
 ) -> list[Joint]:
     """Return the joints between cells in planes, as pieces of so many corners, convex but for a share `bent`."""
-    found = []
-    met: dict[tuple[int, int], list[Floats]] = {}
+    joints = []
+    rings_of: dict[tuple[int, int], list[Floats]] = {}
     for plane in unique_planes(planes, size):
         checkpoint()
-        here = []
+        new = []
         for a, b, region in sections(cells, plane, size):
             # cells that meet in a plane also meet in one that differs by rounding: that is the same joint
-            rings = met.get((min(a, b), max(a, b)), ())
+            rings = rings_of.get((min(a, b), max(a, b)), ())
             if not any(_covers(ring, region, plane, size) for ring in rings):
-                here.append((a, b, region))
-        for a, b, region in here:
+                new.append((a, b, region))
+        for a, b, region in new:
             for piece in convex_pieces(region, 1e-7 * size, bent, corners):
-                found.append(Joint(a, b, lifted(piece, plane), plane[:3], piece.area))
-            met.setdefault((min(a, b), max(a, b)), []).append(lifted(region, plane))
-    return found
+                joints.append(Joint(a, b, lifted(piece, plane), plane[:3], piece.area))
+            rings_of.setdefault((min(a, b), max(a, b)), []).append(lifted(region, plane))
+    return joints
 
 
 def _covers(ring: Floats, region: Any, plane: Floats, size: float) -> bool:
@@ -309,16 +313,19 @@ def _covers(ring: Floats, region: Any, plane: Floats, size: float) -> bool:
 
 
 def unique_planes(planes: list[Floats], size: float) -> list[Floats]:
-    kept: list[Floats] = []
+    """Return planes (4,), turned to one side, without those that differ by rounding."""
+    unique: list[Floats] = []
     for plane in planes:
         sign = 1.0 if plane[:3][np.argmax(np.abs(plane[:3]) > 1e-6)] > 0 else -1.0
-        one = sign * plane
-        if not any(np.abs(one[:3] - k[:3]).max() < 1e-9 and abs(one[3] - k[3]) < 1e-9 * size for k in kept):
-            kept.append(one)
-    return kept
+        oriented = sign * plane
+        gaps = (np.abs(oriented - other) for other in unique)
+        if not any(gap[:3].max() < 1e-9 and gap[3] < 1e-9 * size for gap in gaps):
+            unique.append(oriented)
+    return unique
 
 
 def lifted(polygon: Any, plane: Floats) -> Floats:
+    """Return the corners (k, 3) of a polygon in the frame of a plane."""
     corners = shapely.get_coordinates(polygon.exterior)[:-1] @ basis(plane[:3]) + plane[3] * plane[:3]
     return np.where(np.abs(corners) < 1e-15, 0.0, corners)  # without the dust of rounding
 
@@ -356,7 +363,7 @@ def _pieces(region: Any, tolerance: float, bent: float, corners: int | None) -> 
                 merging = True
                 break
     least = 1e-4 * region.area
-    return [_inscribed(one, corners) for one in pieces if one.area > least]
+    return [_inscribed(piece, corners) for piece in pieces if piece.area > least]
 
 
 def _is_convex(polygon: Any, bent: float) -> bool:
@@ -368,8 +375,8 @@ def _inscribed(polygon: Any, most: int | None) -> Any:
     corners = shapely.get_coordinates(polygon.convex_hull.exterior)[:-1]
     while most and len(corners) > most:
         before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
-        held = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
-        corners = np.delete(corners, int(np.argmin(held)), axis=0)
+        areas = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
+        corners = np.delete(corners, int(np.argmin(areas)), axis=0)
     return shapely.Polygon(corners)
 
 
@@ -380,20 +387,20 @@ def concave_edges(solid: Any) -> list[tuple[float, Floats, Floats, Floats]]:
     normal, length = normals_of(points[triangles])
     normal = normal / np.maximum(length, 1e-300)[:, None]
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-    there, back = start * len(points) + end, end * len(points) + start
-    order = np.argsort(there, kind="stable")
-    place = np.minimum(np.searchsorted(there[order], back), len(order) - 1)
-    twin = order[place]
-    one = np.flatnonzero((there[twin] == back) & (start < end))
-    f, g = one // 3, twin[one] // 3
-    along = points[end[one]] - points[start[one]]
+    forwards, backwards = start * len(points) + end, end * len(points) + start
+    order = np.argsort(forwards, kind="stable")
+    position = np.minimum(np.searchsorted(forwards[order], backwards), len(order) - 1)
+    twin = order[position]
+    edges_of_two = np.flatnonzero((forwards[twin] == backwards) & (start < end))
+    f, g = edges_of_two // 3, twin[edges_of_two] // 3
+    along = points[end[edges_of_two]] - points[start[edges_of_two]]
     along = along / np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
     sine = np.einsum("ij,ij->i", np.cross(normal[f], normal[g]), along)
     turn = np.arctan2(sine, np.einsum("ij,ij->i", normal[f], normal[g]))
-    middle = (points[start[one]] + points[end[one]]) / 2
+    middle = (points[start[edges_of_two]] + points[end[edges_of_two]]) / 2
     concave = np.flatnonzero((turn < -1e-3) & (np.minimum(length[f], length[g]) > 1e-12))
-    found = [(-float(turn[k]), middle[k], normal[f[k]], normal[g[k]]) for k in concave.tolist()]
-    return sorted(found, key=lambda edge: -edge[0])
+    edges = [(-float(turn[k]), middle[k], normal[f[k]], normal[g[k]]) for k in concave.tolist()]
+    return sorted(edges, key=lambda edge: -edge[0])
 
 
 def convex_parts(
@@ -420,25 +427,27 @@ def convex_parts(
             if len(cutting.cells) > 1 and (few or not cuts):
                 left = [concave_edges(cell) for cell in cutting.cells]
                 # bodies that touch along an edge are not convex and have no concave edge to split at
-                stuck = sum(not own and not _convex(cell) for own, cell in zip(left, cutting.cells, strict=True))
+                stuck = sum(
+                    not sharp_edges and not _convex(cell) for sharp_edges, cell in zip(left, cutting.cells, strict=True)
+                )
                 sharp = sum(edge_turn >= least for edge_turn, *_ in itertools.chain(*left))
                 cuts.append(((stuck, sharp, len(left)), cutting, left))
         if cuts:
             _, cutting, left = min(cuts, key=lambda entry: entry[0])
             planes += cutting.planes
-            pieces[at : at + 1], of[at : at + 1] = cutting.cells, [of[at]] * len(left)
+            pieces[at : at + 1], of[at : at + 1] = (cutting.cells, [of[at]] * len(left))
             edges[at : at + 1] = left
     return pieces, np.array(of), planes, all(_convex(piece) for piece in pieces)
 
 
-def without_splinters(pieces: list[Any], of: Ints, joints: list[Joint]) -> tuple[list[Any], Ints] | None:
+def without_splinters(pieces: list[Any], cell_of: Ints, joints: list[Joint]) -> tuple[list[Any], Ints] | None:
     """Return pieces and their cells, splinters joined to the piece of the same cell with most in common; None as is."""
     volume = np.array([piece.volume() for piece in pieces])
     group = list(range(len(pieces)))
     for k in np.flatnonzero(volume < _SPLINTER * volume.mean()).tolist():
         shared: dict[int, float] = {}
         for joint in joints:
-            if k in (joint.a, joint.b) and of[joint.a] == of[joint.b]:
+            if k in (joint.a, joint.b) and cell_of[joint.a] == cell_of[joint.b]:
                 other = joint.a + joint.b - k
                 shared[other] = shared.get(other, 0.0) + joint.area
         if shared:
@@ -447,8 +456,8 @@ def without_splinters(pieces: list[Any], of: Ints, joints: list[Joint]) -> tuple
     names = sorted(set(group))
     if len(names) == len(pieces):
         return None
-    made = [union([pieces[k] for k in range(len(group)) if group[k] == name]) for name in names]
-    return made, of[names]
+    joined = [union([pieces[k] for k in range(len(group)) if group[k] == name]) for name in names]
+    return joined, cell_of[names]
 
 
 def _convex(piece: Any) -> bool:

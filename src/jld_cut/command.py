@@ -62,7 +62,7 @@ def cut_(
         x, y, z = (float(word) for word in fit.split(","))
     except ValueError:
         raise ParameterError("fit", f"{fit!r} is not three numbers", "X,Y,Z") from None
-    wanted = Options(
+    settings = Options(
         (x, y, z),
         tuple(load),
         mass=mass,
@@ -85,5 +85,5 @@ def cut_(
     def warn(line: str) -> None:
         streams.remark(f"jld: warning: {solid}: {line}")
 
-    summary = cut(solid, wanted, out, None if as_json else streams.say, warn)
+    summary = cut(solid, settings, out, None if as_json else streams.say, warn)
     streams.say(json.dumps(summary, indent=1) if as_json else f"written to   {out}")

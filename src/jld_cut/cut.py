@@ -1,4 +1,4 @@
-"""Cut a solid: search, truth on convex cells, order of assembly, parts and their files."""
+"""Cut a solid: search, λ on convex cells, order of assembly, parts and their files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from jld_cut.partitions import BEST, Layouts, frames
 from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
 from jld_cut.scene import Matter, Setting, parse_load, parse_region
-from jld_cut.search import Bracket, Family, Truth, Wish, explored, finite, low_of, search_all, weaker
+from jld_cut.search import Bracket, Family, FineModel, Wish, explore_best, finite, low_of, search_all, weaker
 from jld_explore.report import csv_of
 from jld_formats import step_of_solids
 from jld_views import figures, page_of_study
@@ -144,11 +144,11 @@ class Chosen:
     """Layout that is written: its parts, order and brackets."""
 
     family: Family
-    fine: Truth
-    coarse: float
+    fine: FineModel
+    coarse: float  # λ on the cells of the family
     bracket: Bracket  # on convex cells
-    uncut: Bracket
-    block: Ints
+    uncut: Bracket  # the same of the solid in one part
+    block: Ints  # (n,) part of each cell
     laying: Any  # order by translations, False where there is none, None where time ended before
     locking: list[int]  # cells of parts that lock one another
     parts: list[Part]
@@ -206,13 +206,13 @@ def cut(
     """
     clock, out, path = Clock(options.seconds), Path(out), Path(path)
     say = announce or (lambda _: None)
-    stated, warnings = unit_of(path), list[str]()
-    options = replace(options, unit=options.unit or stated)
+    file_unit, warnings = unit_of(path), list[str]()
+    options = replace(options, unit=options.unit or file_unit)
     wish, scale = options.wish(), options.scale
-    if stated and UNITS[stated] != scale:
+    if file_unit and UNITS[file_unit] != scale:
         warnings = [
-            f"the file states {stated}, the options are read in {options.unit}: 1 {options.unit} is "
-            f"{scale / UNITS[stated]:.6g} {stated} of it"
+            f"the file states {file_unit}, the options are read in {options.unit}: 1 {options.unit} is "
+            f"{scale / UNITS[file_unit]:.6g} {file_unit} of it"
         ]
     files.require_folder(out)
     if out.exists() and any(out.iterdir()):
@@ -222,16 +222,16 @@ def cut(
     _refuse_thin(solid, scale * options.clearance)
     _refuse_regions(solid, wish)
     moved = _to_origin(solid, scale)
-    warnings += [*_of_size(solid, options), *_of_moved(moved, options)]
+    warnings += [*_size_warnings(solid, options), *_moved_warnings(moved, options)]
     for line in warnings:
         (warn or say)(line)
     families = search_all(solid, path.stem, wish, clock, say)
     out.mkdir(parents=True, exist_ok=True)
     chosen = _choose(families, wish, scale * options.clearance, clock, say)
-    with ExitStack() as beside:
+    with ExitStack() as stack:
         # what slides may carry many times as much with keys, so bounds of others begin at once, and of these after them
         chosen = _with_keys(chosen, wish, scale, options.clearance, clock) if options.keys else chosen
-        bracket = _begun(chosen, wish, out, clock, beside)
+        bracket = _start_field_bounds(chosen, wish, out, clock, stack)
         if chosen.laying is None:  # the search for others had the time of this one
             laying = chosen.fine.order(chosen.block, max(_LAYING, clock.left(KEYED)))
             locking = chosen.fine.locking(chosen.block, _LAYING) if laying is False else []
@@ -259,8 +259,8 @@ def cut(
     return summary
 
 
-def _begun(
-    chosen: Chosen, wish: Wish, out: Path, clock: Clock, beside: ExitStack
+def _start_field_bounds(
+    chosen: Chosen, wish: Wish, out: Path, clock: Clock, stack: ExitStack
 ) -> Callable[[float], tuple[Ends | None, str]] | None:
     # bounds by fields beside all that follows
     seconds, name = clock.left(DRAWN) - _DRAWING, chosen.fine.document["name"]
@@ -268,10 +268,10 @@ def _begun(
         clock.left_out.append("bounds by fields")
         return None
     bodies = [part.exact for part in chosen.parts]
-    return beside.enter_context(bounds_beside(name, chosen.family.cutting, bodies, wish.setting, out, seconds))
+    return stack.enter_context(bounds_beside(name, chosen.family.cutting, bodies, wish.setting, out, seconds))
 
 
-def _of_size(solid: Any, options: Options) -> list[str]:
+def _size_warnings(solid: Any, options: Options) -> list[str]:
     """Return a warning about a solid of a size that is hardly meant, with its mass and a likely unit."""
     box = np.array(solid.bounding_box())
     size, mass = float((box[3:] - box[:3]).max()), options.matter.density * solid.volume()
@@ -279,9 +279,9 @@ def _of_size(solid: Any, options: Options) -> list[str]:
         return []
     read = options.unit or "m"
     likely = min(UNITS, key=lambda unit: abs(np.log(size / options.scale * UNITS[unit])))
-    meant = f"; in {likely} it is {size / options.scale * UNITS[likely]:.3g} m: --unit {likely}"
-    told = f"the solid is {size:.4g} m long and weighs {mass:.3g} kg, with lengths in {read}"
-    return [told + (meant if likely != read else "")]
+    suggestion = f"; in {likely} it is {size / options.scale * UNITS[likely]:.3g} m: --unit {likely}"
+    text = f"the solid is {size:.4g} m long and weighs {mass:.3g} kg, with lengths in {read}"
+    return [text + (suggestion if likely != read else "")]
 
 
 def _to_origin(solid: Any, scale: float) -> Floats:
@@ -292,9 +292,9 @@ def _to_origin(solid: Any, scale: float) -> Floats:
     return -scale * np.floor(box[:3] / scale)
 
 
-def _of_moved(moved: Floats, options: Options) -> list[str]:
-    told = ", ".join(f"{value + 0.0:.12g}" for value in moved / options.scale)
-    where = f"STL, OBJ and 3MF files are moved by ({told}) {options.unit or 'm'}"
+def _moved_warnings(moved: Floats, options: Options) -> list[str]:
+    vector = ", ".join(f"{value + 0.0:.12g}" for value in moved / options.scale)
+    where = f"STL, OBJ and 3MF files are moved by ({vector}) {options.unit or 'm'}"
     return [f"the solid stands far from the origin: {where}, as they have single precision"] if moved.any() else []
 
 
@@ -303,13 +303,13 @@ def _refuse_regions(solid: Any, wish: Wish) -> None:
     for region in wish.whole:
         assert region.box is not None
         low, high = region.box[:3], region.box[3:]
-        held = solid ^ manifold3d().Manifold.cube(tuple(high - low)).translate(tuple(low))
-        told = ",".join(f"{value:.6g}" for value in region.box)
-        if held.volume() <= 0.0:
-            raise ParameterError("keep_whole", f"nothing of the solid lies in {told} m", "a box around some of it")
+        content = solid ^ manifold3d().Manifold.cube(tuple(high - low)).translate(tuple(low))
+        box = ",".join(f"{value:.6g}" for value in region.box)
+        if content.volume() <= 0.0:
+            raise ParameterError("keep_whole", f"nothing of the solid lies in {box} m", "a box around some of it")
         most = min(wish.limits.volume, float(wish.limits.fit.prod()))
-        if held.volume() > most * (1 + 1e-6):
-            problem = f"in {told} m lie {held.volume():.4g} m³ of the solid, and a part holds {most:.4g} m³ at most"
+        if content.volume() > most * (1 + 1e-6):
+            problem = f"in {box} m lie {content.volume():.4g} m³ of the solid, and a part holds {most:.4g} m³ at most"
             raise ParameterError("keep_whole", problem, "a smaller box, or larger parts")
 
 
@@ -338,25 +338,25 @@ def _refuse_thin(solid: Any, clearance: float) -> None:
 
 def _choose(families: list[Family], wish: Wish, clearance: float, clock: Clock, say: Callable[[str], None]) -> Chosen:
     """Return the strongest layout on convex cells of the fewest parts that carry, fit and can be laid."""
-    made: Chosen | None = None
+    best: Chosen | None = None
     end = clock.at(CHOSEN)
-    numbers = sorted({n for one in families for n, of in one.found.of.items() if len(of.low)})
-    carrying = [n for n in numbers if max(_top(one, n) for one in families) >= wish.require * (1 - 1e-6)]
+    numbers = sorted({n for family in families for n, layouts in family.found.of.items() if len(layouts.low)})
+    carrying = [n for n in numbers if max(_top(family, n) for family in families) >= wish.require * (1 - 1e-6)]
     for parts in carrying or numbers[-1:]:
         for family, block, coarse, bracket in _best_layouts(families, parts, wish, clock, say):
-            if made and time.time() > end and not family.truth.order(block, 0.0):
+            if best and time.time() > end and not family.fine.order(block, 0.0):
                 continue
             # an order that is not known yet leaves time for those of others
-            tried = _chosen(family, block, coarse, bracket, wish, clearance, (time.time() + end) / 2)
-            made = tried if made is None or tried.rank > made.rank else made
-            if tried.rank == _LAID:
+            layout = _make_layout(family, block, coarse, bracket, wish, clearance, (time.time() + end) / 2)
+            best = layout if best is None or layout.rank > best.rank else best
+            if layout.rank == _LAID:
                 break
-        if made and made.rank >= _UNKNOWN and made.low >= wish.require * (1 - 1e-6):
-            return made
+        if best and best.rank >= _UNKNOWN and best.low >= wish.require * (1 - 1e-6):
+            return best
         if time.time() > end:
             break
-    assert made is not None
-    return made
+    assert best is not None
+    return best
 
 
 def _top(family: Family, parts: int) -> float:
@@ -373,24 +373,22 @@ def _best_layouts(
     for family in sorted(families, key=lambda family: -_top(family, parts)):
         if not np.isfinite(_top(family, parts)) and _top(family, parts) < 0:
             continue
-        if not family.truth:
-            made = partial(Truth, family, wish.setting)
+        if not family.fine:
+            make = partial(FineModel, family, wish.setting)
             title = f"λ of {family.name} on {len(family.cutting.cells)} cells that crack"
-            family.truth = clock.run(title, CHOSEN, made) if judged else made()
-        if not family.truth or (judged and time.time() > end):
+            family.fine = clock.run(title, CHOSEN, make) if judged else make()
+        if not family.fine or (judged and time.time() > end):
             continue
         found, count = family.found.of[parts], 0
         for block, coarse in _to_judge(family, found, end):
             if judged and (count and time.time() > end):
                 break
-            bracket = family.truth.known[block.tobytes()] = weaker(family.truth.solve(block), coarse)
+            bracket = family.fine.known[block.tobytes()] = weaker(family.fine.solve(block), coarse)
             judged.append((low_of(bracket), coarse, (family, block, coarse, bracket)))
             count += 1
-        say(
-            f"{family.name:<8} {family.truth.cells} cells whose inner faces may crack: {count} layouts of {parts} parts"
-        )
-    judged.sort(key=lambda one: one[:2], reverse=True)
-    return [one for _, _, one in judged]
+        say(f"{family.name:<8} {family.fine.cells} cells whose inner faces may crack: {count} layouts of {parts} parts")
+    judged.sort(key=lambda entry: entry[:2], reverse=True)
+    return [entry for _, _, entry in judged]
 
 
 def _to_judge(family: Family, found: Layouts, end: float) -> Iterator[tuple[Ints, float]]:
@@ -400,7 +398,7 @@ def _to_judge(family: Family, found: Layouts, end: float) -> Iterator[tuple[Ints
     for block, coarse in ranked:
         if count == BEST or (count + len(later) and time.time() > half):
             break
-        laying = family.truth.order(block, _LAYING)
+        laying = family.fine.order(block, _LAYING)
         if laying:
             count += 1
             yield block, coarse
@@ -409,7 +407,7 @@ def _to_judge(family: Family, found: Layouts, end: float) -> Iterator[tuple[Ints
     yield from later[: BEST - count] or (() if count else ranked[:1])
 
 
-def _chosen(
+def _make_layout(
     family: Family,
     block: Ints,
     coarse: float,
@@ -421,41 +419,48 @@ def _chosen(
 ) -> Chosen:
     """Return a layout with its order and parts; with keys in the joints of a plain one if that is given."""
     parts = parts_of(family.cutting.cells, block, family.joints, wish.setting.matter.density, clearance)
-    turned = frames(family.normals)
-    large = [part.number for part in parts if not lay(part, wish.limits.fit, turned)]
-    laying = family.truth.order(block, max(_LAYING, end - time.time()))
-    locking = family.truth.locking(block, max(_LAYING, end - time.time())) if laying is False else []
-    uncut = plain.uncut if plain else family.truth.solve(np.zeros(len(family.cutting.cells), dtype=np.int64))
-    return Chosen(family, family.truth, coarse, bracket, uncut, block, laying, locking, parts, large, (), plain)
+    rotations = frames(family.normals)
+    large = [part.number for part in parts if not lay(part, wish.limits.fit, rotations)]
+    laying = family.fine.order(block, max(_LAYING, end - time.time()))
+    locking = family.fine.locking(block, max(_LAYING, end - time.time())) if laying is False else []
+    uncut = plain.uncut if plain else family.fine.solve(np.zeros(len(family.cutting.cells), dtype=np.int64))
+    return Chosen(family, family.fine, coarse, bracket, uncut, block, laying, locking, parts, large, (), plain)
 
 
 def _with_keys(chosen: Chosen, wish: Wish, scale: float, clearance: float, clock: Clock) -> Chosen:
     """Return a layout with keys in the joints on which its parts slide, where these raise λ and the parts are sound."""
     if not np.isfinite(chosen.low) or not chosen.laying:
         return chosen
-    made: dict[bytes, Chosen] = {}
+    layouts: dict[bytes, Chosen] = {}
 
-    def sound(one: Keyed) -> bool:
+    def sound(variant: Keyed) -> bool:
         try:
-            tried = _chosen(
-                one.family, one.block, chosen.coarse, one.bracket, wish, scale * clearance, clock.at(KEYED), chosen
+            layout = _make_layout(
+                variant.family,
+                variant.block,
+                chosen.coarse,
+                variant.bracket,
+                wish,
+                scale * clearance,
+                clock.at(KEYED),
+                chosen,
             )
         except InputError:  # clearance takes too much of a key
             return False
-        made[one.block.tobytes()] = tried
-        return bool(tried.laying) and not tried.too_large and are_sound(tried.parts, scale)
+        layouts[variant.block.tobytes()] = layout
+        return bool(layout.laying) and not layout.too_large and are_sound(layout.parts, scale)
 
     best = clock.run(
         "keys", KEYED, lambda: keyed(chosen.family, chosen.block, chosen.low, wish.setting, sound), least=1.0
     )
     if clock.left(KEYED) <= 0.0 and "keys" not in clock.left_out:
         clock.left_out.append("further keys")
-    return chosen if best is None else replace(made[best.block.tobytes()], keys=best.keys)
+    return chosen if best is None else replace(layouts[best.block.tobytes()], keys=best.keys)
 
 
 def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Options) -> dict[str, Any]:
     low, high, locked = chosen.bracket
-    found, parts = chosen.family.found, len(chosen.parts)
+    result, parts = chosen.family.found, len(chosen.parts)
     volumes = [cell.volume() for cell in chosen.family.cutting.cells]
     box = np.array([part.box for part in chosen.parts])
     return {
@@ -470,10 +475,10 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "load_factor_without_keys": finite((chosen.plain or chosen).low),
         "only_crushing": not locked and chosen.coarse == np.inf and options.matter.compressive is not None,
         "load_factor_of_cells": finite(chosen.coarse),
-        "proven": found.proven(parts),
-        "bound": finite(found.bound(parts)),
-        "bound_by": found.kind(parts),
-        "layouts": sum(layouts.solved for layouts in found.of.values()),
+        "proven": result.proven(parts),
+        "bound": finite(result.bound(parts)),
+        "bound_by": result.kind(parts),
+        "layouts": sum(layouts.solved for layouts in result.of.values()),
         "uncut": list(chosen.uncut[:2]),
         "require": options.require,
         "fits": not chosen.too_large,
@@ -481,7 +486,7 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "coarse_truth": chosen.fine.coarse,
         "faulty_files": [],
         "can_be_laid": chosen.can_be_laid,
-        "locked_parts": [one.number for one in chosen.parts if set(one.cells) & set(chosen.locking)],
+        "locked_parts": [part.number for part in chosen.parts if set(part.cells) & set(chosen.locking)],
         "family": chosen.family.name,
         "families": [_facts(family, parts, options.require) for family in families],
         "front": _front(families),
@@ -495,30 +500,30 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
 
 def _facts(family: Family, parts: int, require: float) -> dict[str, Any]:
     """Return what a family found: of its own fewest parts, and the strongest of at most so many parts."""
-    found = family.found
-    own = next((n for n in sorted(found.of) if _top(family, n) >= require * (1 - 1e-6)), None)
-    true = [low for n in range(1, parts + 1) for low in _true(family, n)]
+    result = family.found
+    fewest = next((n for n in sorted(result.of) if _top(family, n) >= require * (1 - 1e-6)), None)
+    judged = [low for n in range(1, parts + 1) for low in _judged_load_factors(family, n)]
     return {
         "name": family.name,
         "cells": len(family.cutting.cells),
         "joints": len(family.joints),
-        "sets": found.sets,
-        "evaluated": sum(layouts.solved for layouts in found.of.values()),
-        "parts": own,
-        "load_factor_of_cells": None if own is None else finite(_top(family, own)),
-        "proven": own is not None and found.proven(own),
-        "bound": None if own is None else finite(found.bound(own)),
-        "load_factor": finite(max(true)) if true else None,
-        "locked": bool(true) and max(true) == np.inf,
-        "problem": found.problem or None,
+        "sets": result.sets,
+        "evaluated": sum(layouts.solved for layouts in result.of.values()),
+        "parts": fewest,
+        "load_factor_of_cells": None if fewest is None else finite(_top(family, fewest)),
+        "proven": fewest is not None and result.proven(fewest),
+        "bound": None if fewest is None else finite(result.bound(fewest)),
+        "load_factor": finite(max(judged)) if judged else None,
+        "locked": bool(judged) and max(judged) == np.inf,
+        "problem": result.problem or None,
     }
 
 
-def _true(family: Family, parts: int) -> list[float]:
+def _judged_load_factors(family: Family, parts: int) -> list[float]:
     """Return λ of the layouts of one number of parts that were judged on convex cells."""
-    found, known = family.found.of.get(parts), {} if family.truth is None else family.truth.known
-    keys = [] if found is None else [block.tobytes() for block in found.blocks]
-    return [low_of(known[key]) for key in keys if key in known]
+    layouts, brackets = family.found.of.get(parts), {} if family.fine is None else family.fine.known
+    keys = [] if layouts is None else [block.tobytes() for block in layouts.blocks]
+    return [low_of(brackets[key]) for key in keys if key in brackets]
 
 
 def _front(families: list[Family]) -> list[dict[str, Any]]:
@@ -528,16 +533,18 @@ def _front(families: list[Family]) -> list[dict[str, Any]]:
         best = max(families, key=lambda family: _top(family, parts))
         if _top(best, parts) >= 0.0:
             row = {"parts": parts, "load_factor_of_cells": finite(_top(best, parts)), "family": best.name}
-            true = _true(best, parts)
+            judged = _judged_load_factors(best, parts)
             proven = all(family.found.proven(parts) for family in families)
             bound = finite(max(family.found.bound(parts) for family in families))
-            rows.append(row | {"load_factor": finite(max(true)) if true else None, "proven": proven, "bound": bound})
+            rows.append(
+                row | {"load_factor": finite(max(judged)) if judged else None, "proven": proven, "bound": bound}
+            )
     return rows
 
 
 def verdict(summary: dict[str, Any]) -> str:
     """Say what the parts carry, beside what, and what is unproven or faulty."""
-    many = f"{summary['parts']} parts" if summary["parts"] > 1 else "1 part"
+    count = f"{summary['parts']} parts" if summary["parts"] > 1 else "1 part"
     carry, low = _carried_in_words(summary), summary["bracket"][0]
     keys = summary.get("keys") or []
     if keys:
@@ -545,8 +552,8 @@ def verdict(summary: dict[str, Any]) -> str:
         named = ", ".join(key["told"] for key in keys[:_NAMED]) + more
         carry += f"; with keys where parts slid ({named}; {summary['load_factor_without_keys']:.3g} without)"
     start, end = summary["uncut"]
-    whole = "any multiple" if start is not None and end is None else "unknown" if start is None else f"{start:.3g}"
-    text = f"{many} {carry}; uncut {whole}"
+    uncut = "any multiple" if start is not None and end is None else "unknown" if start is None else f"{start:.3g}"
+    text = f"{count} {carry}; uncut {uncut}"
     if summary.get("only_crushing"):
         text += "; only crushing limits it"
     fields_high = (summary.get("by_fields") or (None, None))[1]
@@ -590,13 +597,13 @@ def _bound_in_words(summary: dict[str, Any]) -> str:
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock, moved: Floats) -> None:
     scale = options.scale
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
-    place = {name: k for k, name in enumerate(names)}
+    index_of = {name: k for k, name in enumerate(names)}
     for number, step in enumerate(chosen.laying.steps if chosen.laying else (), 1):
         for block in step.blocks:
             elements = np.asarray(chosen.laying.blocks.elements(block))
             elements = elements[elements < len(chosen.fine.of)]
             if len(elements):
-                part = chosen.parts[place[int(chosen.block[chosen.fine.of[elements[0]]])]]
+                part = chosen.parts[index_of[int(chosen.block[chosen.fine.of[elements[0]]])]]
                 part.step, part.direction = number, -np.asarray(step.direction, dtype=float)
     if options.tenons:
         gap = scale * options.clearance
@@ -627,39 +634,39 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options,
 
 def _draw(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float, clock: Clock) -> None:
     """Write the pages and pictures that time leaves, and the page of the search."""
-    parts, told, steps = chosen.parts, summary["verdict"], steps_of(chosen.parts)
+    parts, verdict, steps = chosen.parts, summary["verdict"], steps_of(chosen.parts)
     keys = ("parts", "load_factor", "load_factor_of_cells", "family", "proven", "bound")
     front = (
         ["parts", "λ", "λ of the cells", "cut by", "proven", "no layout of the cells exceeds"],
-        [[_shown(row[key]) for key in keys] for row in summary["front"]],
+        [[_cell_text(row[key]) for key in keys] for row in summary["front"]],
     )
     table = table_of(parts, scale, chosen.keys)[
         ["part", "mass", "volume", "size_x", "size_y", "size_z", "step", "keys"]
     ]
-    cutting = list(table.columns), [[_shown(value) for value in row] for row in table.to_numpy(dtype=object)]
-    write_page(parts, told, front, cutting, out / "parts.html")
+    cutting = list(table.columns), [[_cell_text(value) for value in row] for row in table.to_numpy(dtype=object)]
+    write_page(parts, verdict, front, cutting, out / "parts.html")
     start = time.time()
-    figures.save_figure(figure_of_parts(parts, told), out / "parts.png")
-    took = time.time() - start
+    figures.save_figure(figure_of_parts(parts, verdict), out / "parts.png")
+    seconds = time.time() - start
     if steps:
-        expected = took * (1 + len(steps) / 4)
+        expected = seconds * (1 + len(steps) / 4)
 
         def order() -> None:
             figures.save_figure(figure_of_order(parts, steps), out / "order.png")
 
         clock.run("order.png", DRAWN, order, expected)
-        took += expected
-    clock.run("parts.pdf", DRAWN, lambda: write_pages(parts, told, front, cutting, out / "parts.pdf"), took)
-    plain, left = chosen.plain or chosen, clock.left(DRAWN)
+        seconds += expected
+    clock.run("parts.pdf", DRAWN, lambda: write_pages(parts, verdict, front, cutting, out / "parts.pdf"), seconds)
+    plain, seconds_left = chosen.plain or chosen, clock.left(DRAWN)
 
     def page() -> None:
-        done = explored(plain.family, plain.block, out / "search", left / 3)
-        page_of_study.write_report(done, out, patience=left / 3)
+        exploration = explore_best(plain.family, plain.block, out / "search", seconds_left / 3)
+        page_of_study.write_report(exploration, out, patience=seconds_left / 3)
 
     clock.run("report.html", DRAWN, page, _PAGE)
 
 
-def _shown(value: Any) -> str:
+def _cell_text(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return "–" if value is None or value != value else f"{value:.5g}" if isinstance(value, float) else str(value)
@@ -687,9 +694,9 @@ def _carried_in_words(summary: dict[str, Any]) -> str:
 
 def carries(summary: dict[str, Any]) -> bool:
     """Tell whether parts carry what was required, by fields where these decide."""
-    asked, (least, most) = summary["require"] * (1 - 1e-6), summary["by_fields"] or (None, None)
+    required, (least, most) = summary["require"] * (1 - 1e-6), summary["by_fields"] or (None, None)
     low = low_of((*summary["bracket"], summary["locked"]))
-    return bool((low >= asked or (least is not None and least >= asked)) and (most is None or most >= asked))
+    return bool((low >= required or (least is not None and least >= required)) and (most is None or most >= required))
 
 
 def table_of(parts: list[Part], scale: float, keys: tuple[Key, ...] = ()) -> pd.DataFrame:

@@ -29,15 +29,15 @@ def voxels_of(solid: Any, count: int = VOXELS) -> tuple[Ints, float, Floats]:
     numbers = np.maximum(1, np.ceil((box[3:] - box[:3]) / side)).astype(int)
     origin = (box[:3] + box[3:]) / 2 - side * numbers / 2
     x, y = np.meshgrid(*(origin[k] + side * (np.arange(numbers[k]) + 0.5) for k in (0, 1)), indexing="ij")
-    found = []
+    places = []
     for level in range(numbers[2]):
         rings = [shapely.Polygon(ring) for ring in solid.slice(origin[2] + side * (level + 0.5)).to_polygons()]
         inside = np.zeros(x.shape, dtype=int)
         for ring in rings:
             inside += shapely.contains_xy(ring, x, y) * (1 if ring.exterior.is_ccw else -1)
         i, j = np.nonzero(inside > 0)
-        found.append(np.column_stack([i, j, np.full(len(i), level)]))
-    return np.concatenate(found), side, origin
+        places.append(np.column_stack([i, j, np.full(len(i), level)]))
+    return np.concatenate(places), side, origin
 
 
 def _stiffness(side: float) -> tuple[Floats, Floats]:
@@ -124,7 +124,7 @@ def grid(body: Body) -> Cutting | None:
     numbers = fewest.copy()
     if numbers.prod() > _GRID:
         return None
-    places = np.array([one[1] for one in concave_edges(body.solid) if one[0] > 0.3]).reshape(-1, 3)
+    edges = np.array([edge[1] for edge in concave_edges(body.solid) if edge[0] > 0.3]).reshape(-1, 3)
     best = None
     while True:
         cutting = Cutting(body.solid)
@@ -132,7 +132,7 @@ def grid(body: Body) -> Cutting | None:
             step = sides[axis] / numbers[axis]
             for k in range(1, numbers[axis]):
                 at = body.box[axis] + k * step
-                near = np.unique(np.round(places[:, axis], 12))
+                near = np.unique(np.round(edges[:, axis], 12))
                 near = near[np.abs(near - at) < 0.25 * step]
                 cutting.through(np.eye(3)[axis], float(near[np.argmin(abs(near - at))]) if len(near) else at)
         if best is None or len(cutting.cells) <= 1.5 * body.limits.aim:
@@ -148,10 +148,10 @@ def grid(body: Body) -> Cutting | None:
 
 def radial(body: Body) -> Cutting | None:
     """Cut by planes through an axis that the solid has, and across it; None for a solid without one."""
-    found = axis_of(body.solid)
-    if found is None:
+    axis_found = axis_of(body.solid)
+    if axis_found is None:
         return None
-    centre, axis = found
+    centre, axis = axis_found
     points = surface_of(body.solid)[0] - centre
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
@@ -159,21 +159,22 @@ def radial(body: Body) -> Cutting | None:
     angle = np.sort(np.arctan2(points @ second, points @ first))
     gaps = np.diff(np.append(angle, angle[0] + 2 * np.pi))
     widest = int(np.argmax(gaps))
-    whole = gaps[widest] < 0.5
-    start, span = (0.0, 2 * np.pi) if whole else (angle[(widest + 1) % len(angle)], 2 * np.pi - gaps[widest])
+    closed_ring = gaps[widest] < 0.5
+    start, span = (0.0, 2 * np.pi) if closed_ring else (angle[(widest + 1) % len(angle)], 2 * np.pi - gaps[widest])
     along = points @ axis
     radius = float(np.linalg.norm(points - np.outer(along, axis), axis=1).max())
-    levels = max(1, int(np.ceil(np.ptp(along) / body.limits.extent - 1e-9)), 4 if whole else 1)
+    levels = max(1, int(np.ceil(np.ptp(along) / body.limits.extent - 1e-9)), 4 if closed_ring else 1)
     sectors = max(
-        int(np.ceil(span * radius / body.limits.extent)), 8 if whole else max(4, 5 * body.limits.aim // 8) // levels
+        int(np.ceil(span * radius / body.limits.extent)),
+        8 if closed_ring else max(4, 5 * body.limits.aim // 8) // levels,
     )
-    sectors += sectors % 2 if whole else 0
+    sectors += sectors % 2 if closed_ring else 0
     cutting = Cutting(body.solid)
     for k in range(1, levels):
         at = along.min() + np.ptp(along) * k / levels
         cutting.through(axis, float(axis @ centre + at))
-    for k in range(sectors // 2 if whole else sectors):
-        turn = start + span * (k + 0.5 * whole) / sectors if whole else start + span * k / sectors
+    for k in range(sectors // 2 if closed_ring else sectors):
+        turn = start + span * (k + 0.5 * closed_ring) / sectors if closed_ring else start + span * k / sectors
         normal = -np.sin(turn) * first + np.cos(turn) * second
         cutting.through(normal, float(normal @ centre))
     return cutting if len(cutting.cells) > 1 else None
@@ -189,12 +190,12 @@ def axis_of(solid: Any) -> tuple[Floats, Floats] | None:
     normal = normal[keep] / area[:, None]
     middle, size = corners.mean(axis=1), float(np.ptp(points, axis=0).max())
     offset = np.einsum("ij,ij->i", normal, middle) / size
-    facets, first, place = np.unique(
+    facets, first, facet_of = np.unique(
         np.round(np.column_stack([normal, offset]), 3), axis=0, return_index=True, return_inverse=True
     )
-    whole = np.bincount(place.reshape(-1), area)
-    middle = np.array([np.bincount(place.reshape(-1), area * side) for side in middle.T]).T / whole[:, None]
-    normal, area = normal[first], np.asarray(whole, dtype=float)
+    area_of_facet = np.bincount(facet_of.reshape(-1), area)
+    middle = np.array([np.bincount(facet_of.reshape(-1), area * side) for side in middle.T]).T / area_of_facet[:, None]
+    normal, area = normal[first], np.asarray(area_of_facet, dtype=float)
     curved = area < 0.08 * area.sum()
     if len(facets) < 12 or area[curved].sum() < 0.15 * area.sum():
         return None
@@ -204,16 +205,16 @@ def axis_of(solid: Any) -> tuple[Floats, Floats] | None:
     for axis in candidates:
         flat = normal - np.outer(normal @ axis, axis)
         length = np.linalg.norm(flat, axis=1)
-        good = length > 0.05
-        if area[good].sum() < 0.3 * area.sum():
+        slanted = length > 0.05
+        if area[slanted].sum() < 0.3 * area.sum():
             continue
-        across, at, weight = np.cross(axis, flat[good] / length[good, None]), middle[good], area[good]
+        across, at, weight = np.cross(axis, flat[slanted] / length[slanted, None]), middle[slanted], area[slanted]
         # the point that most of the surface turns about is one where two of its normals meet
         for first, second in pairs.integers(len(at), size=(200, 2)).tolist():
-            two = [first, second]
+            pair = [first, second]
             if abs(across[first] @ across[second]) > 0.99:
                 continue
-            centre, _ = _nearest(axis, across[two], at[two], weight[two])
+            centre, _ = _nearest(axis, across[pair], at[pair], weight[pair])
             close = np.abs(np.einsum("ij,ij->i", across, at - centre)) < 0.005 * size
             share = float(weight[close].sum() / area.sum())
             turns = len(np.unique(np.round(across[close], 2), axis=0))
@@ -234,15 +235,15 @@ def stress(body: Body) -> Cutting | None:
     """Cut locally across the largest compression of the uncut solid, at points far from each other."""
     middles, size, direction = compressed(body.solid, body.held, body.forces, body.weight)
     strong = np.flatnonzero(size >= np.quantile(size, 0.3))
-    chosen = [int(strong[np.argmax(size[strong])])]
-    away = np.linalg.norm(middles[strong] - middles[chosen[0]], axis=1)
+    points = [int(strong[np.argmax(size[strong])])]
+    distance = np.linalg.norm(middles[strong] - middles[points[0]], axis=1)
     cutting = Cutting(body.solid)
     reach = float((body.box[3:] - body.box[:3]).max())
     for _ in range(max(1, body.limits.aim - 4)):
-        at = chosen[-1]
-        cutting.locally(middles[at] + 1e-6 * reach * direction[at], direction[at])
-        chosen.append(int(strong[np.argmax(away)]))
-        away = np.minimum(away, np.linalg.norm(middles[strong] - middles[chosen[-1]], axis=1))
+        point = points[-1]
+        cutting.locally(middles[point] + 1e-6 * reach * direction[point], direction[point])
+        points.append(int(strong[np.argmax(distance)]))
+        distance = np.minimum(distance, np.linalg.norm(middles[strong] - middles[points[-1]], axis=1))
     return cutting if len(cutting.cells) > 1 else None
 
 

@@ -61,32 +61,32 @@ def _pieces(bodies: list[Any], few: bool, joined: bool) -> tuple[list[Any], Ints
     for part, body in enumerate(bodies):
         # few pieces where that ends in convex ones
         for fewer in (True, False) if few else (False,):
-            found, _, cuts, convex = convex_parts([body], max(1, _PIECES - len(pieces)), _TURN, fewer)
+            convex_bodies, _, new_planes, convex = convex_parts([body], max(1, _PIECES - len(pieces)), _TURN, fewer)
             if convex:
                 break
         else:
             problem = f"the parts are no union of {_PIECES} convex pieces"
             raise InputError("fields", problem, "fewer concave facets")
-        found = _join_convex(found) if joined else found
-        pieces, of, planes = pieces + found, of + [part] * len(found), planes + cuts
+        convex_bodies = _join_convex(convex_bodies) if joined else convex_bodies
+        pieces, of, planes = pieces + convex_bodies, of + [part] * len(convex_bodies), planes + new_planes
     return pieces, np.array(of), planes
 
 
 def _join_convex(pieces: list[Any]) -> list[Any]:
     # those whose union is convex
-    made, volume = [piece.hull() for piece in pieces], [piece.volume() for piece in pieces]
+    hulls, volume = [piece.hull() for piece in pieces], [piece.volume() for piece in pieces]
     k = 1
-    while k < len(made):
+    while k < len(hulls):
         for j in range(k):
-            both = manifold3d().Manifold.batch_hull([made[j], made[k]])
+            both = manifold3d().Manifold.batch_hull([hulls[j], hulls[k]])
             if both.volume() <= (volume[j] + volume[k]) * (1 + 1e-6):
-                made[j], volume[j] = both, volume[j] + volume[k]
-                del made[k], volume[k]
+                hulls[j], volume[j] = both, volume[j] + volume[k]
+                del hulls[k], volume[k]
                 k = max(1, j)  # what grew may now be joined to others
                 break
         else:
             k += 1
-    return made
+    return hulls
 
 
 @contextmanager
@@ -98,11 +98,11 @@ def bounds_beside(
     The process also finds the convex pieces, which may take seconds, and writes their scene into a folder.
     """
     task = name, cutting.planes, surface_of(cutting.solid), [surface_of(body) for body in bodies], setting, out, seconds
-    with TemporaryFile() as given:
-        pickle.dump(task, given)
-        given.seek(0)
+    with TemporaryFile() as stream:
+        pickle.dump(task, stream)
+        stream.seek(0)
         order = [sys.executable, "-m", "jld_cut.fields"]
-        process = subprocess.Popen(order, stdin=given, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        process = subprocess.Popen(order, stdin=stream, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
     def bracket(wait: float) -> tuple[Ends | None, str]:
         try:
@@ -125,7 +125,7 @@ def bounds_beside(
         process.wait()
 
 
-def _told(task: tuple[Any, ...]) -> None:
+def _print_brackets(task: tuple[Any, ...]) -> None:
     """Print an upper bound, which takes a tenth of the time, then the bracket of the first mesh, then of the last."""
     name, planes, solid, bodies, setting, out, seconds = task
     end, best = time.time() + seconds, (-np.inf, np.inf)
@@ -134,21 +134,21 @@ def _told(task: tuple[Any, ...]) -> None:
     files.write_text(out / "scene_fields.json", json.dumps(scene) + "\n")
     assembly = build_assembly(parse_scene(scene))
 
-    def told(low: float, high: float) -> tuple[float, float]:
+    def print_bracket(low: float, high: float) -> tuple[float, float]:
         ends = max(best[0], low), min(best[1], high)
         print(json.dumps([float(value) if np.isfinite(value) else None for value in ends]), flush=True)
         return ends
 
     setting = bounds.FieldSetting.of(assembly, labels=assembly.labels)
-    best = told(*bounds.Fields.on(setting, setting.coarse, assembly.labels, np.inf).bounds)
+    best = print_bracket(*bounds.Fields.on(setting, setting.coarse, assembly.labels, np.inf).bounds)
     for gap in (_FIRST, _LAST):
-        found = bounds_by_fields(assembly, gap=gap, seconds=max(0.0, end - time.time()))
-        best = told(found.lower, found.upper)
+        result = bounds_by_fields(assembly, gap=gap, seconds=max(0.0, end - time.time()))
+        best = print_bracket(result.lower, result.upper)
 
 
 if __name__ == "__main__":
     try:
-        _told(pickle.load(sys.stdin.buffer))
+        _print_brackets(pickle.load(sys.stdin.buffer))
     except InputError as error:
         sys.exit(str(error))
     except (ValueError, GEOSException):

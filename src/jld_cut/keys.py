@@ -16,7 +16,7 @@ from jld_cut.meshes import as_written, doubled_edges, manifold3d, pieces_of, sur
 from jld_cut.partitions import Bounds
 from jld_cut.parts import Part
 from jld_cut.scene import Setting, scene_of
-from jld_cut.search import Bracket, Family, Truth, low_of, weaker
+from jld_cut.search import Bracket, Family, FineModel, low_of, weaker
 
 KINDS: Final = ("tongue", "step", "key")  # a rib across the joint, half of the joint, a block in its middle
 _GAIN: Final = 1.05  # of λ, from which a key stays: more faces alone bear some more torsion
@@ -63,20 +63,20 @@ class Slide:
 
 def slides(family: Family, block: Ints, friction: float) -> list[Slide]:
     """Return the joints between parts (n,) that slide in the mechanism on convex cells, the largest slip first."""
-    truth, cutting = family.truth, family.cutting
-    assembly, jumps = truth.jumps(block)
+    fine, cutting = family.fine, family.cutting
+    assembly, jumps = fine.jumps(block)
     if jumps is None or not np.isfinite(jumps).all() or not jumps.any():
         return []
     faces = assembly.interfaces
     slip = faces.e1 * jumps[:, 1, None] + faces.e2 * jumps[:, 2, None]
     # a joint that slides opens by its friction, one that turns about an edge by more
     size = np.linalg.norm(slip, axis=1)
-    rubs = jumps[:, 0] <= _OPENS * max(1.0, friction) * size
-    rubs &= size > _LEAST * np.linalg.norm(jumps[:, :3], axis=1).max()
+    sliding = jumps[:, 0] <= _OPENS * max(1.0, friction) * size
+    sliding &= size > _LEAST * np.linalg.norm(jumps[:, :3], axis=1).max()
     # cells of supports belong to no part
-    part = np.append(block[truth.of], np.full(len(assembly.elements) - len(truth.of), -1))
+    part = np.append(block[fine.of], np.full(len(assembly.elements) - len(fine.of), -1))
     first, second, origins = part[faces.a], part[faces.b], np.asarray(faces.origin)
-    found_slides = []
+    slides_found = []
     for plane in unique_planes(cutting.planes, cutting.size):
         in_plane = (np.abs(origins @ plane[:3] - plane[3]) < 1e-6 * cutting.size) & (
             np.abs(faces.normal @ plane[:3]) > 1 - 1e-6
@@ -85,17 +85,17 @@ def slides(family: Family, block: Ints, friction: float) -> list[Slide]:
         for a, b, region in sections(cutting.cells, plane, cutting.size):
             regions.setdefault((int(block[a]), int(block[b])), []).append(region)
         for (below, above), pieces in regions.items():
-            between = in_plane & (((first == below) & (second == above)) | ((first == above) & (second == below)))
-            slid = between & rubs
-            if below == above or faces.area[slid].sum() <= _SLIDES * faces.area[between].sum():
+            of_pair = in_plane & (((first == below) & (second == above)) | ((first == above) & (second == below)))
+            sliding_faces = of_pair & sliding
+            if below == above or faces.area[sliding_faces].sum() <= _SLIDES * faces.area[of_pair].sum():
                 continue
-            sign = np.where(first[slid] == below, 1.0, -1.0)
-            along = (sign * faces.area[slid]) @ slip[slid]
-            found_slides.append(Slide(below, above, plane, shapely.union_all(pieces), along))
-    return sorted(found_slides, key=lambda one: -float(np.linalg.norm(one.along)))
+            sign = np.where(first[sliding_faces] == below, 1.0, -1.0)
+            along = (sign * faces.area[sliding_faces]) @ slip[sliding_faces]
+            slides_found.append(Slide(below, above, plane, shapely.union_all(pieces), along))
+    return sorted(slides_found, key=lambda slide: -float(np.linalg.norm(slide.along)))
 
 
-def _way(region: Any, along: Floats) -> Floats:
+def _direction(region: Any, along: Floats) -> Floats:
     """Return the direction (2,) of the side of a region nearest to a slip (2,); that of the slip for a round one."""
     along = along / np.linalg.norm(along)
     ring = shapely.get_coordinates(shapely.minimum_rotated_rectangle(region))
@@ -123,7 +123,7 @@ def _tool(slide: Slide, kind: str, up: bool, cells: list[Any], size: float) -> t
     sign = 1.0 if up else -1.0
     normal, offset = sign * slide.plane[:3], sign * slide.plane[3]
     frame = basis(slide.plane[:3])
-    along = _way(slide.region, frame @ slide.along) @ frame
+    along = _direction(slide.region, frame @ slide.along) @ frame
     across = np.cross(normal, along)
     plan = shapely.transform(slide.region, lambda at: at @ frame @ np.column_stack([along, across]))
     low, high = np.array(plan.bounds).reshape(2, 2)
@@ -153,9 +153,9 @@ def _keyed_cells(
     """Give what lies within a key from one part to the other; None where the joint has no room for it."""
     on, into = slide.ends(up)
     tool, planes = _tool(slide, kind, up, [c for c, name in zip(cells, block, strict=True) if name == into], size)
-    made: list[Any] = []
-    names: list[int] = []
-    moved = 0
+    bodies: list[Any] = []
+    owners: list[int] = []
+    count = 0
     for cell, name in zip(cells, block.tolist(), strict=True):
         taken = []
         for piece in pieces_of(cell ^ tool) if name == into else []:
@@ -163,21 +163,21 @@ def _keyed_cells(
             if piece.volume() < 1e-9 * size**3 or base.area < 1e-9 * size**2:
                 continue
             behind = (surface_of(piece)[0] @ slide.plane[:3] - slide.plane[3]) * (1.0 if up else -1.0)
-            beside = base.difference(slide.region.buffer(1e-7 * size)).area
-            if behind.min() < -1e-7 * size or beside > 1e-9 * size**2:
+            outside = base.difference(slide.region.buffer(1e-7 * size)).area
+            if behind.min() < -1e-7 * size or outside > 1e-9 * size**2:
                 return None
             taken.append(piece)
-        left = cell
+        remainder = cell
         for piece in taken:
-            left = left - piece
-        rest = [one for one in pieces_of(left) if one.volume() > 1e-12 * size**3] if taken else [cell]
-        made += [*rest, *taken]
-        names += [name] * len(rest) + [on] * len(taken)
-        moved += len(taken)
-    whole = sum(cell.volume() for cell in cells)
-    if not moved or abs(sum(body.volume() for body in made) - whole) > 1e-9 * whole:
+            remainder = remainder - piece
+        rest = [piece for piece in pieces_of(remainder) if piece.volume() > 1e-12 * size**3] if taken else [cell]
+        bodies += [*rest, *taken]
+        owners += [name] * len(rest) + [on] * len(taken)
+        count += len(taken)
+    volume = sum(cell.volume() for cell in cells)
+    if not count or abs(sum(body.volume() for body in bodies) - volume) > 1e-9 * volume:
         return None
-    return made, np.array(names, dtype=np.int64), planes
+    return bodies, np.array(owners, dtype=np.int64), planes
 
 
 @dataclass(frozen=True)
@@ -190,20 +190,20 @@ class Keyed:
     keys: tuple[Key, ...]
 
 
-def variants(family: Family, block: Ints, found: list[Slide], setting: Setting, least: float) -> Iterator[Keyed]:
+def variants(family: Family, block: Ints, sliding: list[Slide], setting: Setting, least: float) -> Iterator[Keyed]:
     """Yield layouts that carry more than `least`, with keys of one kind and side in all joints that have the room."""
     number = {name: k + 1 for k, name in enumerate(sorted(set(block.tolist())))}
     for kind, up in product(KINDS, (True, False)):
         cells, names, planes, keys = family.cutting.cells, block, list[Floats](), list[Key]()
-        for slide in found:
-            made = _keyed_cells(cells, names, slide, kind, up, family.cutting.size)
-            if made is None:
+        for slide in sliding:
+            keyed_cells = _keyed_cells(cells, names, slide, kind, up, family.cutting.size)
+            if keyed_cells is None:
                 continue
             on, into = slide.ends(up)
             middle = np.array(slide.region.centroid.coords[0]) @ basis(slide.plane[:3])
             at, sign = middle + slide.plane[3] * slide.plane[:3], 1.0 if up else -1.0
             keys.append(Key(kind, number[on], number[into], at, sign * slide.along))
-            cells, names, planes = made[0], made[1], [*planes, *made[2]]
+            cells, names, planes = keyed_cells[0], keyed_cells[1], [*planes, *keyed_cells[2]]
         if not keys:
             continue
         cutting = Cutting(family.cutting.solid, cells, [*family.cutting.planes, *planes])
@@ -215,11 +215,11 @@ def variants(family: Family, block: Ints, found: list[Slide], setting: Setting, 
             continue
         if coarse <= least:
             continue
-        one = replace(family, cutting=cutting, joints=joints, document=document)
-        one.truth = Truth(one, setting, few=True)
-        bracket = weaker(one.truth.solve(names), coarse)
-        if low_of(bracket) > least and not (one.truth.coarse and not family.truth.coarse):
-            yield Keyed(one, names, bracket, tuple(keys))
+        variant = replace(family, cutting=cutting, joints=joints, document=document)
+        variant.fine = FineModel(variant, setting, few=True)
+        bracket = weaker(variant.fine.solve(names), coarse)
+        if low_of(bracket) > least and not (variant.fine.coarse and not family.fine.coarse):
+            yield Keyed(variant, names, bracket, tuple(keys))
 
 
 def keyed(family: Family, block: Ints, low: float, setting: Setting, sound: Callable[[Keyed], bool]) -> Keyed | None:
@@ -251,4 +251,4 @@ def are_sound(parts: list[Part], unit: float) -> bool:
         if len(pieces_of(part.exact)) > 1 or doubled_edges(*as_written(part.solid, unit)):
             return False
     least = 1e-9 * min(part.exact.volume() for part in parts)
-    return all((one.solid ^ other.solid).volume() <= least for one, other in combinations(parts, 2))
+    return all((first.solid ^ second.solid).volume() <= least for first, second in combinations(parts, 2))

@@ -33,8 +33,8 @@ def outer_surface(points: Floats, triangles: Ints, tolerance: float) -> tuple[Fl
     kinds, kind = np.unique(np.sort(triangles, axis=1), axis=0, return_inverse=True)
     balance = np.bincount(kind.reshape(-1), turn, len(kinds)).astype(int)
     triangles = np.repeat(np.where((balance < 0)[:, None], kinds[:, ::-1], kinds), np.abs(balance), axis=0)
-    used, place = np.unique(triangles, return_inverse=True)
-    return points[used], place.reshape(-1, 3)
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    return points[used], renumbered.reshape(-1, 3)
 
 
 def groups(pairs: Ints, count: int) -> Ints:
@@ -87,8 +87,8 @@ def _without_shared(points: Floats, triangles: Ints, tolerance: float) -> tuple[
         if shapely.intersection(above, below, grid_size=grid).area < tolerance**2:
             continue
         remaining[members] = False
-        for own_side, other, sign in ((above, below, 1), (below, above, -1)):
-            surplus = shapely.get_parts(shapely.difference(own_side, other, grid_size=grid))
+        for this, other, sign in ((above, below, 1), (below, above, -1)):
+            surplus = shapely.get_parts(shapely.difference(this, other, grid_size=grid))
             surplus = surplus[shapely.get_type_id(surplus) == 3]
             flat = [triangle for region in surplus for triangle in triangles_of(region)]
             if flat:
@@ -125,13 +125,13 @@ def _split_at(points: Floats, triangles: Ints, tolerance: float) -> Ints:
             points_on[int(edges[k, 0]), int(edges[k, 1])] = used[close][between_ends][
                 np.argsort(along[between_ends])
             ].tolist()
-    whole, todo = [], [tuple(triangle) for triangle in triangles.tolist()]
+    finished, waiting = [], [tuple(triangle) for triangle in triangles.tolist()]
     splits_left = _SPLITS * (len(triangles) + 10)  # two points just apart may each lie on an edge to the other
-    while todo:
+    while waiting:
         splits_left -= 1
         if splits_left < 0:
             raise ValueError("edges that cannot be split")
-        a, b, c = todo.pop()
+        a, b, c = waiting.pop()
         for p, q, r in ((a, b, c), (b, c, a), (c, a, b)):
             if between := points_on.get((min(p, q), max(p, q)), []):
                 # parts of an edge hold the points between them; a third corner among them: it encloses nothing
@@ -142,11 +142,11 @@ def _split_at(points: Floats, triangles: Ints, tolerance: float) -> Ints:
                     points_on[min(end_points), max(end_points)] = (
                         inner if end_points[0] < end_points[1] else inner[::-1]
                     )
-                todo += [one for one in ((p, chain[middle], r), (chain[middle], q, r)) if len(set(one)) == 3]
+                waiting += [half for half in ((p, chain[middle], r), (chain[middle], q, r)) if len(set(half)) == 3]
                 break
         else:
-            whole.append((a, b, c))
-    return np.array(whole, dtype=np.int64).reshape(-1, 3)
+            finished.append((a, b, c))
+    return np.array(finished, dtype=np.int64).reshape(-1, 3)
 
 
 ENDINGS: Final = ("stl", "obj", "3mf")
@@ -190,16 +190,16 @@ def surface_of(solid: Any) -> tuple[Floats, Ints]:
 
 def pieces_of(solid: Any) -> list[Any]:
     """Return the connected pieces of a manifold, each with its closed cavities."""
-    found = solid.decompose()
-    whole = [one for one in found if one.volume() > 0.0]
-    for void in (one for one in found if one.volume() < 0.0):
+    components = solid.decompose()
+    solids = [component for component in components if component.volume() > 0.0]
+    for void in (component for component in components if component.volume() < 0.0):
         points, triangles = surface_of(void)
         body = solid_of(points, triangles[:, ::-1])
-        for k, one in enumerate(whole):
-            if (one ^ body).volume() > 0.5 * body.volume():
-                whole[k] = one - body
+        for k, component in enumerate(solids):
+            if (component ^ body).volume() > 0.5 * body.volume():
+                solids[k] = component - body
                 break
-    return whole
+    return solids
 
 
 def moments(solid: Any) -> Floats:
@@ -243,21 +243,21 @@ def read_solid(path: Path, unit: float, shown: float = 1.0) -> Any:
         ]
         turned = bool(outer) and not any(outer)
         hollow = [outwards == turned for _, outwards in solids]
-        whole = manifold3d().Manifold()
+        solid_body = manifold3d().Manifold()
         cavities = [body for body, empty in zip(bodies, hollow, strict=True) if empty]
         depths = [sum(_within(body, other) for other in cavities if other is not body) for body in bodies]
-        for _, empty, body in sorted(zip(depths, hollow, bodies, strict=True), key=lambda one: one[:2]):
+        for _, empty, body in sorted(zip(depths, hollow, bodies, strict=True), key=lambda entry: entry[:2]):
             for piece in pieces_of(body):  # bodies that touch share corners
-                whole = whole - piece if empty else whole + piece
-        if (number := len(pieces_of(whole))) > 1:
+                solid_body = solid_body - piece if empty else solid_body + piece
+        if (number := len(pieces_of(solid_body))) > 1:
             raise InputError("", f"it holds {number} solids that share no face", "one solid")
-    return whole
+    return solid_body
 
 
 def _within(body: Any, other: Any) -> bool:
-    own, around = np.array(body.bounding_box()), np.array(other.bounding_box())
-    boxed = (own[:3] >= around[:3]).all() and (own[3:] <= around[3:]).all()
-    return bool(boxed and (body - other).is_empty())
+    inner, outer = np.array(body.bounding_box()), np.array(other.bounding_box())
+    inside = (inner[:3] >= outer[:3]).all() and (inner[3:] <= outer[3:]).all()
+    return bool(inside and (body - other).is_empty())
 
 
 def _read(path: Path, kind: str) -> list[tuple[Floats, Ints]]:
@@ -278,14 +278,14 @@ def _read(path: Path, kind: str) -> list[tuple[Floats, Ints]]:
             return [(points, triangles[name == number]) for number in np.unique(name)]
     read = formats.readers()[kind].read
     assert read is not None
-    found = read(path, ImportOptions(), Notes())
-    assert isinstance(found, Solids)
+    solids = read(path, ImportOptions(), Notes())
+    assert isinstance(solids, Solids)
     return [
         (
             np.asarray(part.vertices, dtype=float),
             np.array([(f[0], f[k], f[k + 1]) for f in part.faces for k in range(1, len(f) - 1)]),
         )
-        for part in found.parts
+        for part in solids.parts
     ]
 
 
@@ -324,14 +324,14 @@ def _read_3mf(path: Path) -> list[tuple[Floats, Ints]]:
         objects = {node.get("id", ""): node for node in root.iter(f"{{{_NAMESPACE}}}object")}
         items = root.findall(f"{{{_NAMESPACE}}}build/{{{_NAMESPACE}}}item")
         # what is not built is not part of the model; a file that builds nothing holds it all
-        named = [(item.get("objectid", ""), _placing(item)) for item in items] or [
+        placings = [(item.get("objectid", ""), _placing(item)) for item in items] or [
             (name, np.eye(4)) for name in objects
         ]
-        found = [one for name, placing in named for one in _meshes_of(objects, name, placing, _DEEP)]
-        found = [(scale * points, faces) for points, faces in found]
-    if not found or not all(len(faces) and faces.max() < len(points) for points, faces in found):
+        meshes = [mesh for name, placing in placings for mesh in _meshes_of(objects, name, placing, _DEEP)]
+        meshes = [(scale * points, faces) for points, faces in meshes]
+    if not meshes or not all(len(faces) and faces.max() < len(points) for points, faces in meshes):
         raise InputError("", "it holds no whole mesh", "one closed mesh")
-    return found
+    return meshes
 
 
 def _placing(item: ElementTree.Element) -> Floats:
@@ -354,8 +354,8 @@ def _meshes_of(
         # a mirrored mesh is turned inside out
         turn = 1 if np.linalg.det(placing[:3, :3]) > 0.0 else -1
         yield np.array(points).reshape(-1, 3) @ placing[:3, :3] + placing[3, :3], np.array(faces)[:, ::turn]
-    for one in objects[name].iterfind(f"{{{_NAMESPACE}}}components/{{{_NAMESPACE}}}component"):
-        yield from _meshes_of(objects, one.get("objectid", ""), _placing(one) @ placing, deep - 1)
+    for component in objects[name].iterfind(f"{{{_NAMESPACE}}}components/{{{_NAMESPACE}}}component"):
+        yield from _meshes_of(objects, component.get("objectid", ""), _placing(component) @ placing, deep - 1)
 
 
 def _checked(points: Floats, triangles: Ints, shown: float) -> tuple[Any, bool]:
@@ -376,9 +376,9 @@ def _checked(points: Floats, triangles: Ints, shown: float) -> tuple[Any, bool]:
     solid = solid_of(points, triangles)
     outwards = solid.volume() >= 0.0
     solid = solid if outwards else solid_of(points, triangles[:, ::-1])
-    held = abs(volume_of(points, triangles))
-    if solid.status().name == "NoError" and abs(solid.volume() - held) > 1e-6 * held:
-        problem = f"its volume changes from {held:.6g} to {solid.volume():.6g} where it is read"
+    volume = abs(volume_of(points, triangles))
+    if solid.status().name == "NoError" and abs(solid.volume() - volume) > 1e-6 * volume:
+        problem = f"its volume changes from {volume:.6g} to {solid.volume():.6g} where it is read"
         raise InputError("", problem, "its smallest faces joined in the modeller")
     if solid.is_empty() or solid.volume() <= 1e-12 * size**3:
         raise InputError("", "it encloses no volume", "a closed surface around a solid")
@@ -387,8 +387,8 @@ def _checked(points: Floats, triangles: Ints, shown: float) -> tuple[Any, bool]:
 
 def merged(points: Floats, triangles: Ints, tolerance: float) -> tuple[Floats, Ints]:
     """Return a surface whose equal corners are one, without triangles that then enclose no area."""
-    _, first, place = np.unique(np.round(points / tolerance), axis=0, return_index=True, return_inverse=True)
-    triangles = place.reshape(-1)[triangles]
+    _, first, group = np.unique(np.round(points / tolerance), axis=0, return_index=True, return_inverse=True)
+    triangles = group.reshape(-1)[triangles]
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]
     # a triangle that is there again, seen from the same side, is one
@@ -401,19 +401,19 @@ def open_edges(triangles: Ints) -> Ints:
     """Return edges (k, 2) that are not used once in each direction."""
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     width = int(triangles.max(initial=0)) + 1
-    there, back = edges[:, 0] * width + edges[:, 1], edges[:, 1] * width + edges[:, 0]
+    forwards, backwards = edges[:, 0] * width + edges[:, 1], edges[:, 1] * width + edges[:, 0]
     # an edge at which four faces meet is used as often in both directions: it stays closed
-    names, counts = np.unique(there, return_counts=True)
-    at = np.minimum(np.searchsorted(names, back), len(names) - 1)
-    used = counts[np.searchsorted(names, there)]
-    return np.asarray(edges[(names[at] != back) | (counts[at] != used)])
+    names, counts = np.unique(forwards, return_counts=True)
+    opposite = np.minimum(np.searchsorted(names, backwards), len(names) - 1)
+    used = counts[np.searchsorted(names, forwards)]
+    return np.asarray(edges[(names[opposite] != backwards) | (counts[opposite] != used)])
 
 
 def as_single(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
     """Return a surface as a binary STL file holds it: single precision, equal corners merged, no faces back to back."""
     single = points.astype(np.float32).astype(float)
-    _, first, place = np.unique(single, axis=0, return_index=True, return_inverse=True)
-    triangles = place.reshape(-1)[triangles]
+    _, first, group = np.unique(single, axis=0, return_index=True, return_inverse=True)
+    triangles = group.reshape(-1)[triangles]
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]
     _, kind, count = np.unique(np.sort(triangles, axis=1), axis=0, return_inverse=True, return_counts=True)
@@ -444,14 +444,14 @@ def _crossing(points: Floats, triangles: Ints) -> Floats | None:
     corners = points[triangles]
     low, high = corners.min(axis=1), corners.max(axis=1)
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
-    one, other = shapely.STRtree(boxes).query(boxes)
-    near = (low[one, 2] < high[other, 2]) & (low[other, 2] < high[one, 2])
-    one, other = one[near], other[near]
-    apart = ~(triangles[one][:, :, None] == triangles[other][:, None, :]).any(axis=(1, 2))
-    one, other = one[apart], other[apart]
+    first, second = shapely.STRtree(boxes).query(boxes)
+    near = (low[first, 2] < high[second, 2]) & (low[second, 2] < high[first, 2])
+    first, second = first[near], second[near]
+    disjoint = ~(triangles[first][:, :, None] == triangles[second][:, None, :]).any(axis=(1, 2))
+    first, second = first[disjoint], second[disjoint]
     for k in range(3):
-        start, end = corners[one, k], corners[one, (k + 1) % 3]
-        hit, at = _passes(start, end, corners[other])
+        start, end = corners[first, k], corners[first, (k + 1) % 3]
+        hit, at = _passes(start, end, corners[second])
         if hit.any():
             return np.asarray(at[hit][0])
     return None
@@ -464,9 +464,9 @@ def _passes(start: Floats, end: Floats, face: Floats) -> tuple[Bools, Floats]:
     det = np.einsum("ij,ij->i", first, across)
     scale = np.linalg.norm(ray, axis=1) * np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
     inverse = 1.0 / np.where(np.abs(det) > 1e-9 * scale, det, np.inf)
-    away = start - face[:, 0]
-    u = np.einsum("ij,ij->i", away, across) * inverse
-    turned = np.cross(away, first)
+    offset = start - face[:, 0]
+    u = np.einsum("ij,ij->i", offset, across) * inverse
+    turned = np.cross(offset, first)
     v, t = np.einsum("ij,ij->i", ray, turned) * inverse, np.einsum("ij,ij->i", second, turned) * inverse
     eps = 1e-6
     hit = (inverse != 0.0) & (u > eps) & (v > eps) & (u + v < 1 - eps) & (t > eps) & (t < 1 - eps)
@@ -485,8 +485,8 @@ def stl_bytes(points: Floats, triangles: Ints) -> bytes:
 def as_read(data: bytes) -> tuple[Floats, Ints]:
     """Return the surface in a binary STL file, equal corners merged."""
     corners = np.frombuffer(data, _RECORD, offset=84)["corners"].reshape(-1, 3)
-    points, place = np.unique(corners, axis=0, return_inverse=True)
-    return points.astype(float), place.reshape(-1, 3)
+    points, group = np.unique(corners, axis=0, return_inverse=True)
+    return points.astype(float), group.reshape(-1, 3)
 
 
 def obj_text(points: Floats, triangles: Ints, name: str) -> str:

@@ -54,9 +54,9 @@ def frames(normals: Floats) -> Floats:
     found = [np.eye(3)]
     for axis, turn in product(range(3), np.arange(1, _TURNS) * np.pi / (2 * _TURNS)):
         i, j = (axis + 1) % 3, (axis + 2) % 3
-        one = np.eye(3)
-        one[i, i], one[i, j], one[j, i], one[j, j] = np.cos(turn), np.sin(turn), -np.sin(turn), np.cos(turn)
-        found.append(one)
+        turned = np.eye(3)
+        turned[np.ix_((i, j), (i, j))] = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        found.append(turned)
     for first, second in product(normals[:_TURNS], repeat=2):
         across = np.cross(first, second)
         if np.linalg.norm(across) > 0.1:
@@ -80,15 +80,20 @@ class Boxes:
         return np.asarray(self.moments[:, 0])
 
     @classmethod
-    def of(cls, points: list[Floats], moments: Floats, turned: Floats) -> Boxes:
-        seen = [np.einsum("kij,cj->cki", turned, corners) for corners in points]
-        return cls(np.array([one.min(axis=0) for one in seen]), np.array([one.max(axis=0) for one in seen]), moments)
+    def of(cls, points: list[Floats], moments: Floats, rotations: Floats) -> Boxes:
+        seen = [np.einsum("kij,cj->cki", rotations, corners) for corners in points]
+        return cls(
+            np.array([corners.min(axis=0) for corners in seen]),
+            np.array([corners.max(axis=0) for corners in seen]),
+            moments,
+        )
 
     def grouped(self, groups: list[int]) -> Boxes:
+        """Return the boxes of groups of cells, given as bits."""
         cells = [[e for e in range(len(self.low)) if group >> e & 1] for group in groups]
-        low = np.array([self.low[own].min(axis=0) for own in cells])
-        high = np.array([self.high[own].max(axis=0) for own in cells])
-        return Boxes(low, high, np.array([self.moments[own].sum(axis=0) for own in cells]))
+        low = np.array([self.low[members].min(axis=0) for members in cells])
+        high = np.array([self.high[members].max(axis=0) for members in cells])
+        return Boxes(low, high, np.array([self.moments[members].sum(axis=0) for members in cells]))
 
     def fit(self, low: Floats, high: Floats, limits: Limits) -> Any:
         """Return whether boxes (s, k, 3) of sets fit the limits in some frame, (s,)."""
@@ -99,20 +104,20 @@ class Boxes:
 def connected_sets(boxes: Boxes, around: list[int], limits: Limits, together: list[int], until: float) -> list[int]:
     """Return all connected sets of cells within limits, none of which parts a set of `together`; none above `SETS`."""
     count = len(around)
-    level, found = [1 << e for e in range(count)], list[int]()
+    level, sets = [1 << e for e in range(count)], list[int]()
     touched, low, high, volume = list(around), boxes.low, boxes.high, boxes.volume
     while level:
-        good = boxes.fit(low, high, limits) & (volume <= limits.volume * (1 + 1e-9))
-        rows = np.flatnonzero(good).tolist()
-        found += [level[k] for k in rows]
-        if len(found) > SETS or time.time() > until:
+        within_limits = boxes.fit(low, high, limits) & (volume <= limits.volume * (1 + 1e-9))
+        rows = np.flatnonzero(within_limits).tolist()
+        sets += [level[k] for k in rows]
+        if len(sets) > SETS or time.time() > until:
             return []
         grown: dict[int, tuple[int, int]] = {}
         for k in rows:
-            left = touched[k] & ~level[k]
-            while left:
-                bit = left & -left
-                left ^= bit
+            candidates = touched[k] & ~level[k]
+            while candidates:
+                bit = candidates & -candidates
+                candidates ^= bit
                 grown.setdefault(level[k] | bit, (k, bit.bit_length() - 1))
         if len(grown) > 4 * SETS:
             return []
@@ -121,19 +126,19 @@ def connected_sets(boxes: Boxes, around: list[int], limits: Limits, together: li
         level = list(grown)
         low, high = np.minimum(low[parent], boxes.low[added]), np.maximum(high[parent], boxes.high[added])
         volume = volume[parent] + boxes.volume[added]
-    return [one for one in found if all(one & whole in (0, whole) for whole in together)]
+    return [group for group in sets if all(group & kept_together in (0, kept_together) for kept_together in together)]
 
 
-def _joined(boxes: Boxes, around: list[int], limits: Limits, least: int) -> Iterator[list[int]]:
-    # groups that are joined, pair by pair, to so many or as few as fit
+def _join_groups(boxes: Boxes, around: list[int], limits: Limits, least: int) -> Iterator[list[int]]:
+    """Yield groups of cells, joined pair by pair, down to `least` or as few as fit."""
     groups = [1 << e for e in range(len(around))]
     while len(groups) > least:
-        known = boxes.grouped(groups)
-        near = _around(groups, around)
-        pairs = [(a, b) for a, one in enumerate(near) for b in range(a) if one >> b & 1]
+        now = boxes.grouped(groups)
+        neighbours_of = _neighbours_of_groups(groups, around)
+        pairs = [(a, b) for a, neighbours in enumerate(neighbours_of) for b in range(a) if neighbours >> b & 1]
         first, second = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-        low, high = np.minimum(known.low[first], known.low[second]), np.maximum(known.high[first], known.high[second])
-        volume = known.volume[first] + known.volume[second]
+        low, high = (np.minimum(now.low[first], now.low[second]), np.maximum(now.high[first], now.high[second]))
+        volume = now.volume[first] + now.volume[second]
         fits = boxes.fit(low, high, limits) & (volume <= limits.volume * (1 + 1e-9))
         if not fits.any():
             break
@@ -144,35 +149,39 @@ def _joined(boxes: Boxes, around: list[int], limits: Limits, least: int) -> Iter
         yield list(groups)
 
 
-def _around(groups: list[int], around: list[int]) -> list[int]:
+def _neighbours_of_groups(groups: list[int], around: list[int]) -> list[int]:
+    """Return as bits which groups touch each group; around: the cells that touch each cell."""
     cells = [[e for e in range(len(around)) if group >> e & 1] for group in groups]
-    reach = [int(np.bitwise_or.reduce(np.array([around[e] for e in own], dtype=object))) for own in cells]
-    return [sum(1 << k for k, two in enumerate(groups) if k != j and one & two) for j, one in enumerate(reach)]
+    reach = [int(np.bitwise_or.reduce(np.array([around[e] for e in members], dtype=object))) for members in cells]
+    return [
+        sum(1 << k for k, group in enumerate(groups) if k != j and reached & group) for j, reached in enumerate(reach)
+    ]
 
 
 def _sets_of_groups(
     groups: list[int], boxes: Boxes, around: list[int], limits: Limits, together: list[int], until: float
 ) -> list[int]:
-    found = connected_sets(boxes.grouped(groups), _around(groups, around), limits, [], until)
-    sets = [sum(one for k, one in enumerate(groups) if name >> k & 1) for name in found]
-    return [group for group in sets if all(group & whole in (0, whole) for whole in together)]
+    """Return the connected sets of groups within limits, as bits of cells."""
+    sets_of_groups = connected_sets(boxes.grouped(groups), _neighbours_of_groups(groups, around), limits, [], until)
+    sets = [sum(cells for k, cells in enumerate(groups) if chosen >> k & 1) for chosen in sets_of_groups]
+    return [cells for cells in sets if all(cells & pair in (0, pair) for pair in together)]
 
 
-class Ways:
-    # to choose disjoint sets that hold all cells; of their kinds at most `alike` may differ
+class Partitions:
+    """Ways to choose disjoint sets that hold all cells; at most `alike` of their kinds differ."""
 
     def __init__(
         self, sets: list[int], count: int, kind: Callable[[int], Hashable] = hash, alike: int | None = None
     ) -> None:
-        self.count, self.known, self._kind, self._alike = count, set(sets), kind, alike
+        self.count, self.allowed, self._kind, self._alike = count, set(sets), kind, alike
         self._holding = [[group for group in sets if group >> e & 1] for e in range(count)]
         self._order = sorted(range(count), key=lambda e: len(self._holding[e]))
         self._largest = max((group.bit_count() for group in sets), default=0)
         self._reach = [0] * count  # cells that may be in one part with this one
         self._fewest: dict[int, int] = {0: 0}
-        for e, own in enumerate(self._holding):
-            for one in own:
-                self._reach[e] |= one
+        for e, holding in enumerate(self._holding):
+            for group in holding:
+                self._reach[e] |= group
 
     def fewest(self, left: int) -> int:
         """Return how many cells no two of which may be in one part are left, at least."""
@@ -181,28 +190,29 @@ class Ways:
             self._fewest[left] = 1 + self.fewest(left & ~self._reach[near])
         return self._fewest[left]
 
-    def further(self, chosen: tuple[int, ...], left: int, parts: int) -> Iterator[tuple[tuple[int, ...], int]]:
-        # parts: that are left, 2 or more
+    def extensions(self, chosen: tuple[int, ...], left: int, parts: int) -> Iterator[tuple[tuple[int, ...], int]]:
+        """Yield the chosen sets with one more, and the cells left; parts: number to choose yet, from 2."""
         e = next(e for e in self._order if left >> e & 1)
-        for one in self._holding[e]:
+        for group in self._holding[e]:
             checkpoint()
-            rest = left & ~one
-            if one & ~left or not rest or not self.few((*chosen, one, *(() if parts > 2 else (rest,)))):
+            rest = left & ~group
+            if group & ~left or not rest or not self.keeps_kinds((*chosen, group, *(() if parts > 2 else (rest,)))):
                 continue
             if parts == 2:
-                good = rest in self.known
+                possible = rest in self.allowed
             else:
-                good = rest.bit_count() <= (parts - 1) * self._largest and self.fewest(rest) < parts
-            if good:
-                yield (*chosen, one), rest
+                possible = rest.bit_count() <= (parts - 1) * self._largest and self.fewest(rest) < parts
+            if possible:
+                yield (*chosen, group), rest
 
-    def few(self, chosen: tuple[int, ...]) -> bool:
-        return self._alike is None or len({self._kind(one) for one in chosen}) <= self._alike
+    def keeps_kinds(self, chosen: tuple[int, ...]) -> bool:
+        # at most `alike` kinds
+        return self._alike is None or len({self._kind(group) for group in chosen}) <= self._alike
 
     def blocks(self, rows: list[tuple[int, ...]]) -> Ints:
-        # part (k, n) of each cell; rows: the sets of each layout
+        """Return the part (k, n) of each cell for layouts given by their sets."""
         bits = 1 << np.arange(self.count, dtype=object)
-        part = [sum(k * ((one & bits) > 0).astype(int) for k, one in enumerate(row)) for row in rows]
+        part = [sum(k * ((group & bits) > 0).astype(int) for k, group in enumerate(row)) for row in rows]
         return np.array(part, dtype=np.int64).reshape(-1, self.count)
 
 
@@ -219,14 +229,14 @@ class Layouts:
 
 
 @dataclass
-class Found:
+class SearchResult:
     """What a search of all layouts found, by the number of parts."""
 
     of: dict[int, Layouts] = field(default_factory=dict)
-    sets: int = 0
-    problem: str = ""
+    sets: int = 0  # sets of cells that fit
+    problem: str = ""  # why the search found little, "" if nothing hindered it
     joined: bool = False  # cells were joined, since too many sets of them fit
-    require: float = 0.0
+    require: float = 0.0  # load factor that parts must carry
     whole: float = np.inf  # no joining of the cells carries more, within the limits or not
 
     def proven(self, parts: int) -> bool:
@@ -248,13 +258,11 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What parts must carry, how many they may be, and when a search ends: after layouts that carry, and without."""
-
-    require: float
-    most: int
-    until: float
-    last: float
+class SearchGoal:
+    require: float  # load factor that the parts must carry
+    most: int  # parts
+    until: float  # end of the search once a layout carries it, s since the epoch
+    last: float  # end of the search otherwise
     alike: int | None = None  # most different shapes of parts
 
 
@@ -279,9 +287,9 @@ class Bounds:
         """
         labels, batch = labels_of(self.assembly, blocks), self.analysis.batch
         if batch is None:
-            found = solve_many(self.assembly, labels, seconds=_EACH)
-            status = np.array([str(one) for one in found.status])
-            low, high, falls, locked = found.low, found.high, status == "unstable", status == "locked"
+            results = solve_many(self.assembly, labels, seconds=_EACH)
+            status = np.array([str(state) for state in results.status])
+            low, high, falls, locked = results.low, results.high, status == "unstable", status == "locked"
         else:
             raw, scale = batch.solve(labels), self.analysis.template.scaling.load
             low, high = scale * raw.low, scale * raw.high
@@ -297,12 +305,12 @@ class Bounds:
         """Return upper bounds (k,) for parts (k, n) whose joints between free cells (k, n) may open or not."""
         if self._relaxation is None:
             return np.full(len(blocks), np.inf)
-        faces, either = self.assembly.interfaces, np.zeros((len(blocks), len(self.assembly.elements)), dtype=bool)
-        either[:, : free.shape[1]] = free
-        either = either[:, faces.a] & either[:, faces.b]
+        faces, undecided = self.assembly.interfaces, np.zeros((len(blocks), len(self.assembly.elements)), dtype=bool)
+        undecided[:, : free.shape[1]] = free
+        undecided = undecided[:, faces.a] & undecided[:, faces.b]
         labels, plenty = labels_of(self.assembly, blocks), np.full(len(blocks), _PLENTY)
-        found = self._relaxation.refute_all(labels, either, plenty, np.full(len(free), thorough))
-        return np.array([np.inf if one is None else self._relaxation.unit * one.bound for one in found])
+        bounds = self._relaxation.refute_all(labels, undecided, plenty, np.full(len(free), thorough))
+        return np.array([np.inf if bound is None else self._relaxation.unit * bound.bound for bound in bounds])
 
 
 def labels_of(assembly: Assembly, blocks: Ints) -> Bits:
@@ -315,10 +323,10 @@ def labels_of(assembly: Assembly, blocks: Ints) -> Bits:
 
 @one_thread()
 def search(
-    document: dict[str, Any], boxes: Boxes, around: list[int], limits: Limits, together: list[int], asked: Asked
-) -> Found:
+    document: dict[str, Any], boxes: Boxes, around: list[int], limits: Limits, together: list[int], goal: SearchGoal
+) -> SearchResult:
     """Solve all layouts of the fewest parts that fit and carry, and of some more while time lasts."""
-    found = Found(require=asked.require * (1 - 1e-6))
+    found = SearchResult(require=goal.require * (1 - 1e-6))
     try:
         bounds = Bounds(document)
     except InputError as error:  # splinters may leave joints that no face bears out
@@ -327,56 +335,58 @@ def search(
     count = len(around)
 
     @cache
-    def kind(one: int) -> tuple[int, ...]:
-        members = [k for k in range(count) if one >> k & 1]
+    def kind(group: int) -> tuple[int, ...]:
+        members = [k for k in range(count) if group >> k & 1]
         return kind_of(boxes.moments[members].sum(axis=0), float(boxes.volume.max()))
 
     cells, everything = np.zeros((1, count), dtype=np.int64), np.ones((1, count), dtype=bool)
     found.whole = float(bounds.relaxed(cells, everything)[0])
     start = time.time()
-    sets = connected_sets(boxes, around, limits, together, start + _LISTED * (asked.last - start))
-    if not sets and time.time() < asked.last and (chain := list(_joined(boxes, around, limits, GROUPS))):
-        found.joined, sets = True, _sets_of_groups(chain[-1], boxes, around, limits, together, asked.last)
+    sets = connected_sets(boxes, around, limits, together, start + _LISTED * (goal.last - start))
+    if not sets and time.time() < goal.last and (chain := list(_join_groups(boxes, around, limits, GROUPS))):
+        found.joined, sets = True, _sets_of_groups(chain[-1], boxes, around, limits, together, goal.last)
     found.sets = len(sets)
     if sets:
-        _search(found, Ways(sets, count, kind, asked.alike), bounds, asked)
+        _search(found, Partitions(sets, count, kind, goal.alike), bounds, goal)
     else:
-        found.problem = "too many sets of cells fit the box" if time.time() < asked.last else "time ended"
-    if not any(len(layouts.low) for layouts in found.of.values()) and time.time() > asked.until:
-        chain = [[1 << e for e in range(count)], *_joined(boxes, around, limits, 1)]
-        chain = [groups for groups in chain if len(groups) <= asked.most]
-        _add_joined(found, Ways([], count, kind, asked.alike), chain, bounds, together)
-    if np.isposinf(found.whole) and time.time() < asked.until:
+        found.problem = "too many sets of cells fit the box" if time.time() < goal.last else "time ended"
+    if not any(len(layouts.low) for layouts in found.of.values()) and time.time() > goal.until:
+        chain = [[1 << e for e in range(count)], *_join_groups(boxes, around, limits, 1)]
+        chain = [groups for groups in chain if len(groups) <= goal.most]
+        _add_joined(found, Partitions([], count, kind, goal.alike), chain, bounds, together)
+    if np.isposinf(found.whole) and time.time() < goal.until:
         found.whole = float(bounds.relaxed(cells, everything, thorough=True)[0])
     return found
 
 
-def _search(found: Found, ways: Ways, bounds: Bounds, asked: Asked) -> None:
+def _search(found: SearchResult, ways: Partitions, bounds: Bounds, goal: SearchGoal) -> None:
     """Search the strongest layouts of 1, 2, … parts, up to a few more than needed."""
     fewest = ways.count + 1
-    for parts in range(1, min(asked.most, ways.count) + 1):
+    for parts in range(1, min(goal.most, ways.count) + 1):
         if parts > fewest + _MORE:
             break
-        last = asked.last if parts < fewest else asked.until
+        last = goal.last if parts < fewest else goal.until
         layouts = strongest(
-            ways, parts, bounds, found.whole, replace(asked, last=last), LAYOUTS if parts < fewest else _FURTHER
+            ways, parts, bounds, found.whole, replace(goal, last=last), LAYOUTS if parts < fewest else _FURTHER
         )
         found.of[parts] = layouts
         if len(layouts.low) and layouts.low[0] >= found.require:
             fewest = min(fewest, parts)
-        if time.time() > (asked.until if fewest <= ways.count else asked.last):
+        if time.time() > (goal.until if fewest <= ways.count else goal.last):
             found.problem = "" if fewest <= ways.count else "time ended"
             break
 
 
-def _add_joined(found: Found, ways: Ways, chain: list[list[int]], bounds: Bounds, together: list[int]) -> None:
+def _add_joined(
+    found: SearchResult, ways: Partitions, chain: list[list[int]], bounds: Bounds, together: list[int]
+) -> None:
     """Add layouts of a chain that stand, where time ended the search; sets are bits of cells."""
 
     def joins(groups: list[int]) -> bool:
         """Return whether cells that must stay together are in one group."""
         return all(any(group & cells == cells for group in groups) for cells in together)
 
-    rows = [tuple(groups) for groups in chain if ways.few(tuple(groups)) and joins(groups)]
+    rows = [tuple(groups) for groups in chain if ways.keeps_kinds(tuple(groups)) and joins(groups)]
     if not rows:
         return
     blocks = ways.blocks(rows)
@@ -398,11 +408,13 @@ class Solver(Protocol):
 class _Branch:
     chosen: tuple[int, ...]  # parts
     high: float  # no layout with them exceeds it
-    further: Iterator[tuple[tuple[int, ...], int]]
+    extensions: Iterator[tuple[tuple[int, ...], int]]
 
 
-class _Strongest:
-    def __init__(self, ways: Ways, parts: int, solve: Solver, whole: float) -> None:
+class _LayoutSearch:
+    """Branch and bound over the layouts of one number of parts; whole: bound on λ of all."""
+
+    def __init__(self, ways: Partitions, parts: int, solve: Solver, whole: float) -> None:
         self._ways, self._parts, self._solve = ways, parts, solve
         self.solved, self.branches, self._most = 0, 0, -np.inf
         self.blocks, self.low = np.zeros((0, ways.count), dtype=np.int64), np.zeros(0)
@@ -410,8 +422,8 @@ class _Strongest:
         cells = (1 << ways.count) - 1
         if parts > 1:
             self._add((), cells, whole)
-        elif cells in ways.known:
-            self._settle([((), cells, whole)])
+        elif cells in ways.allowed:
+            self._solve_leaves([((), cells, whole)])
 
     @property
     def top(self) -> float:
@@ -432,49 +444,57 @@ class _Strongest:
 
     def _add(self, chosen: tuple[int, ...], left: int, high: float) -> None:
         if high >= 0.0:
-            further = self._ways.further(chosen, left, self._parts - len(chosen))
-            self._open.append(_Branch(chosen, high, further))
+            extensions = self._ways.extensions(chosen, left, self._parts - len(chosen))
+            self._open.append(_Branch(chosen, high, extensions))
 
-    def go_on(self, size: int, deep: bool) -> None:
-        # of those of the highest bounds, or of the deepest; DeadlinePassed leaves what is bounded
-        order = sorted(self._open, key=lambda one: (len(one.chosen), one.high) if deep else (one.high, len(one.chosen)))
+    def expand(self, size: int, deep: bool) -> None:
+        """Bound or solve `size` extensions of the branches of highest bounds, or of the deepest."""
+        # DeadlinePassed leaves what is bounded
+        order = sorted(
+            self._open,
+            key=lambda branch: (len(branch.chosen), branch.high) if deep else (branch.high, len(branch.chosen)),
+        )
         nodes: list[tuple[tuple[int, ...], int, float]] = []
         ended: set[_Branch] = set()
         while order and len(nodes) < size:
-            taken = list(islice(order[-1].further, size - len(nodes)))
-            nodes += [(chosen, left, order[-1].high) for chosen, left in taken]
+            extensions = list(islice(order[-1].extensions, size - len(nodes)))
+            nodes += [(chosen, left, order[-1].high) for chosen, left in extensions]
             if len(nodes) < size:
                 ended.add(order.pop())
         is_leaf = [len(chosen) == self._parts - 1 for chosen, _, _ in nodes]
-        inner = [one for one, last in zip(nodes, is_leaf, strict=True) if not last]
+        inner = [branch for branch, last in zip(nodes, is_leaf, strict=True) if not last]
         if inner:
             free = self._ways.blocks([(0, left) for _, left, _ in inner]) > 0
             high = self._solve.relaxed(self._ways.blocks([(*chosen, left) for chosen, left, _ in inner]), free)
-        self._settle([one for one, last in zip(nodes, is_leaf, strict=True) if last])
+        self._solve_leaves([branch for branch, last in zip(nodes, is_leaf, strict=True) if last])
         for (chosen, left, most), bound in zip(inner, high if inner else (), strict=True):
             self._add(chosen, left, min(most, float(bound)))
         self._open = [branch for branch in self._open if branch not in ended]
         self.branches += len(inner)
 
-    def _settle(self, leaves: list[tuple[tuple[int, ...], int, float]]) -> None:
+    def _solve_leaves(self, leaves: list[tuple[tuple[int, ...], int, float]]) -> None:
+        """Solve complete layouts and keep the strongest: chosen sets, the last set, and a bound of each."""
         if not leaves:
             return
         part = self._ways.blocks([(*chosen, left) for chosen, left, _ in leaves])
         least, most, locked = self._solve(part)
         least, most = np.where(locked, np.inf, least), np.minimum(most, [high for _, _, high in leaves])
-        self._most, self.solved = max(self._most, float(np.where(locked, np.inf, most).max())), self.solved + len(part)
+        self._most, self.solved = (
+            max(self._most, float(np.where(locked, np.inf, most).max())),
+            self.solved + len(part),
+        )
         stands = least >= 0.0
         low = np.concatenate([self.low, least[stands]])
         best = np.argsort(-low, kind="stable")[:KEPT]
         self.blocks, self.low = np.concatenate([self.blocks, part[stands]])[best], low[best]
 
 
-def strongest(ways: Ways, parts: int, solve: Solver, whole: float, asked: Asked, number: int) -> Layouts:
+def strongest(ways: Partitions, parts: int, solve: Solver, whole: float, goal: SearchGoal, number: int) -> Layouts:
     """Return the strongest layouts of so many parts by branch and bound; number: of solves at most."""
-    found, size, settled = _Strongest(ways, parts, solve, whole), 8, number
+    found, size, settled = _LayoutSearch(ways, parts, solve, whole), 8, number
     while found.top >= 0.0:
-        require, done = asked.require * (1 - 1e-6), found.solved + found.branches
-        end = asked.until if found.best >= require else asked.last
+        require, done = goal.require * (1 - 1e-6), found.solved + found.branches
+        end = goal.until if found.best >= require else goal.last
         if found.complete or found.top < require:
             settled = min(settled, done + _FURTHER)
             if len(found.low) >= BEST and found.low[BEST - 1] >= found.top:
@@ -485,7 +505,7 @@ def strongest(ways: Ways, parts: int, solve: Solver, whole: float, asked: Asked,
         try:
             with Deadline(max(0.1, end - time.time())).enforced():
                 # layouts and branches in turn: where bounds are far from λ, those of the highest lead to no layout
-                found.go_on(size, found.solved < found.branches)
+                found.expand(size, found.solved < found.branches)
         except DeadlinePassed:
             break
         new = found.solved + found.branches - done

@@ -38,18 +38,16 @@ _BEDS: Final = 12  # largest faces that a part may lie on
 
 @dataclass
 class Part:
-    """Numbered part of a solid."""
-
-    number: int
+    number: int  # from 1
     cells: list[int]
     exact: Any  # union of its cells
     solid: Any  # the same with clearance
-    mass: float
+    mass: float  # kg, without clearance
     box: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) sides of its smallest box, ascending
     bed: Floats = field(default_factory=lambda: np.eye(3))  # (3, 3) rotation that lays it on the bed
     open: int = 0  # edges of its file that other than two faces meet at
-    step: int = 0
-    direction: Floats = field(default_factory=lambda: np.zeros(3))
+    step: int = 0  # of the assembly at which it is laid, from 1; 0: not known
+    direction: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) in which it moves when it is laid
     marked: bool = False  # number and arrow are engraved
     error: float = 0.0  # of the volume in its file, or of what was cut, whichever is more
 
@@ -73,21 +71,21 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
     names = sorted(set(block.tolist()))
     members = [np.flatnonzero(block == name).tolist() for name in names]
     exact = [union([cells[k] for k in group]) for group in members]
-    place = {name: k for k, name in enumerate(names)}
+    index_of = {name: k for k, name in enumerate(names)}
     solids = list(exact)
-    done: set[tuple[Any, ...]] = set()
+    cleared: set[tuple[Any, ...]] = set()
     for joint in joints if clearance > 0.0 else ():
-        a, b = place[int(block[joint.a])], place[int(block[joint.b])]
+        a, b = index_of[int(block[joint.a])], index_of[int(block[joint.b])]
         key = (a, b, *np.round(joint.normal, 9).tolist())
-        if a == b or key in done:
+        if a == b or key in cleared:
             continue
-        done.add(key)
+        cleared.add(key)
         move = 0.5 * clearance * joint.normal
         solids[a] -= exact[b].translate(tuple(-move))
         solids[b] -= exact[a].translate(tuple(move))
     parts = []
     for k, (group, whole, solid) in enumerate(zip(members, exact, solids, strict=True)):
-        pieces = [one for one in pieces_of(solid) if one.volume() > _SPLINTER * whole.volume()]
+        pieces = [piece for piece in pieces_of(solid) if piece.volume() > _SPLINTER * whole.volume()]
         volume = sum(piece.volume() for piece in pieces)
         if volume < _LOST * whole.volume():
             problem = f"part {k + 1} is thinner than a clearance of {clearance:g} m leaves whole"
@@ -102,11 +100,11 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
 
 def different(parts: list[Part]) -> int:
     """Return how many parts are of different shape: a part and its mirror image are alike."""
-    found = np.array([moments(part.exact) for part in parts])
-    return len({kind_of(one, float(found[:, 0].max())) for one in found})
+    moments_of_parts = np.array([moments(part.exact) for part in parts])
+    return len({kind_of(moment, float(moments_of_parts[:, 0].max())) for moment in moments_of_parts})
 
 
-def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool:  # noqa: B008
+def lay(part: Part, fit: Floats, rotations: Floats = np.zeros((0, 3, 3))) -> bool:  # noqa: B008
     """Find box and bed of a part; return whether it fits into a box of sides `fit` (3,), ascending.
 
     turned: (k, 3, 3) rotations that are tried beside those that lay it on a face.
@@ -114,8 +112,8 @@ def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool: 
     points, triangles = surface_of(part.exact)
     corners = points[triangles]
     normal, area = normals_of(corners)
-    kinds, place = np.unique(np.round(normal / np.maximum(area, 1e-300)[:, None], 4), axis=0, return_inverse=True)
-    share = np.bincount(place.reshape(-1), area)
+    kinds, kind = np.unique(np.round(normal / np.maximum(area, 1e-300)[:, None], 4), axis=0, return_inverse=True)
+    share = np.bincount(kind.reshape(-1), area)
     largest = np.argsort(-share)[:_BEDS].tolist()
     spins = []
     for down, size in [*((kinds[k], float(share[k])) for k in largest), *((axis, 0.0) for axis in np.eye(3))]:
@@ -132,16 +130,16 @@ def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool: 
             spin = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]]) @ frame
             spins.append((size, spin))
     best: tuple[Any, ...] | None = None
-    for size, spin in [*spins, *((0.0, one) for one in turned)]:
+    for size, spin in [*spins, *((0.0, rotation) for rotation in rotations)]:
         sides = np.sort(np.ptp(points @ spin.T, axis=0))
         scale = float((sides / fit).max())
-        good = scale <= 1.0 + 1e-6
-        key = (good, size if good else -scale, -scale)
+        fits = scale <= 1.0 + 1e-6
+        key = (fits, size if fits else -scale, -scale)
         if best is None or key > best[0]:
-            best = key, sides, spin, good
+            best = key, sides, spin, fits
     assert best is not None
-    _, part.box, part.bed, fits = best
-    return bool(fits)
+    _, part.box, part.bed, fits_box = best
+    return bool(fits_box)
 
 
 def plain_surface(solid: Any) -> unions.Surface:
@@ -154,8 +152,8 @@ def plain_surface(solid: Any) -> unions.Surface:
         surface = None
     if surface is not None:
         fans = np.array([(f[0], f[k], f[k + 1]) for f in surface.faces for k in range(1, len(f) - 1)])
-        held = [volume_of(surface.points, corners) for corners in (fans, np.array(surface.triangles))]
-        if not len(open_edges(fans)) and np.allclose(held, volume_of(points, triangles), rtol=1e-6, atol=0.0):
+        volumes = [volume_of(surface.points, corners) for corners in (fans, np.array(surface.triangles))]
+        if not len(open_edges(fans)) and np.allclose(volumes, volume_of(points, triangles), rtol=1e-6, atol=0.0):
             return surface
     faces = tuple((a, b, c) for a, b, c in triangles.tolist())
     return unions.Surface(points, faces, faces)
@@ -172,9 +170,9 @@ def write_parts(
         points, triangles = as_written(part.solid.translate(tuple(moved)) if any(moved) else part.solid, unit)
         path = folder / "parts" / f"{part.name}.stl"
         path.write_bytes(stl_bytes(points, triangles))
-        again = as_read(path.read_bytes())
-        part.error = max(part.error, abs(unit**3 * volume_of(*again) / part.solid.volume() - 1.0))
-        part.open = doubled_edges(*again)
+        surface_read = as_read(path.read_bytes())
+        part.error = max(part.error, abs(unit**3 * volume_of(*surface_read) / part.solid.volume() - 1.0))
+        part.open = doubled_edges(*surface_read)
         files.write_text(folder / "parts" / f"{part.name}.obj", obj_text(points, triangles, part.name))
         turned = points @ part.bed.T
         lying = as_single(turned - turned.min(axis=0), triangles)
@@ -196,7 +194,7 @@ _TENON: Final = 0.2  # side of a tenon by the root of the area of its joint
 
 def _bars(number: int) -> list[tuple[float, float, float, float]]:
     """Return rectangles x0, y0, x1, y1 of the digits of a number, 1 high, and of an arrow above them that points up."""
-    s, w, found = _STROKE, _WIDTH, []
+    s, w, rectangles = _STROKE, _WIDTH, []
     bars = [
         (0.0, 1.0 - s, w, 1.0),
         (0.0, 0.5, s, 1.0),
@@ -208,16 +206,16 @@ def _bars(number: int) -> list[tuple[float, float, float, float]]:
     ]
     step = w + 1.5 * s
     text = str(number)
-    for place, digit in enumerate(text):
-        found += [
-            (x0 + place * step, y0, x1 + place * step, y1)
+    for position, digit in enumerate(text):
+        rectangles += [
+            (x0 + position * step, y0, x1 + position * step, y1)
             for x0, y0, x1, y1 in (bars[int(k)] for k in _DIGITS[int(digit)])
         ]
     middle = ((len(text) - 1) * step + w) / 2
     # three steps that narrow upwards: cut by planes along the frame alone
     for row, half in enumerate((2.0 * s, 1.25 * s, 0.5 * s)):
-        found.append((middle - half, 1.3 + row * s, middle + half, 1.3 + (row + 1) * s))
-    return found
+        rectangles.append((middle - half, 1.3 + row * s, middle + half, 1.3 + (row + 1) * s))
+    return rectangles
 
 
 @dataclass(frozen=True)
@@ -248,16 +246,16 @@ def spots(solid: Any) -> list[Spot]:
     points, triangles = surface_of(solid)
     corners = points[triangles]
     normal, area = normals_of(corners)
-    kept = area > 1e-12 * area.max()
-    corners, area, normal = corners[kept], area[kept], normal[kept] / area[kept, None]
+    large = area > 1e-12 * area.max()
+    corners, area, normal = corners[large], area[large], normal[large] / area[large, None]
     size = float(np.ptp(points, axis=0).max())
     planes = np.column_stack([normal, np.einsum("ij,ij->i", normal, corners[:, 0])])
-    _, first, place = np.unique(
+    _, first, plane_of = np.unique(
         np.round(planes / [1e-5, 1e-5, 1e-5, 1e-6 * size]), axis=0, return_index=True, return_inverse=True
     )
-    share = np.bincount(place.reshape(-1), area)
-    found = [_spot(sides_of(solid, planes[first[k]], size)[0], planes[first[k]]) for k in np.argsort(-share)[:_FACES]]
-    return [one for one in found if one is not None]
+    share = np.bincount(plane_of.reshape(-1), area)
+    circles = [_spot(sides_of(solid, planes[first[k]], size)[0], planes[first[k]]) for k in np.argsort(-share)[:_FACES]]
+    return [circle for circle in circles if circle is not None]
 
 
 def _tool(spot: Spot, number: int, height: float, low: float, high: float) -> Any:
@@ -284,8 +282,8 @@ def mark(part: Part, unit: float) -> bool:
         height = 0.9 * 2.0 * spot.radius / float(np.linalg.norm(np.ptp(bars, axis=0)))
         depth = _DEPTH * height
         inside = _tool(spot, part.number, height, -depth, 0.0)
-        held = part.solid ^ inside
-        if abs(held.volume() - inside.volume()) > 1e-3 * inside.volume():
+        content = part.solid ^ inside
+        if abs(content.volume() - inside.volume()) > 1e-3 * inside.volume():
             continue
         body = part.solid - _tool(spot, part.number, height, -depth, depth)
         if _sound(body, part.solid.volume() - inside.volume(), inside.volume(), unit):
@@ -295,26 +293,26 @@ def mark(part: Part, unit: float) -> bool:
 
 
 def _sound(body: Any, volume: float, tool: float, unit: float) -> bool:
-    whole = len(pieces_of(body)) == 1 and abs(body.volume() - volume) <= _EXACT * max(tool, 1e-3 * volume)
-    return whole and doubled_edges(*as_written(body, unit)) == 0
+    is_whole = len(pieces_of(body)) == 1 and abs(body.volume() - volume) <= _EXACT * max(tool, 1e-3 * volume)
+    return is_whole and doubled_edges(*as_written(body, unit)) == 0
 
 
 def tenons(parts: list[Part], block: Ints, joints: list[Joint], clearance: float, fit: Floats, unit: float) -> int:
     """Put a square tenon on the part that comes later at each joint along its way, where one fits; return how many."""
-    place = {int(block[part.cells[0]]): part for part in parts}
-    made: set[tuple[int, int]] = set()
+    part_of = {int(block[part.cells[0]]): part for part in parts}
+    done_pairs: set[tuple[int, int]] = set()
     for joint in sorted(joints, key=lambda joint: -joint.area):
         if time_left() <= 0.0:
             break
-        one, other = place[int(block[joint.a])], place[int(block[joint.b])]
-        pair = (min(one.number, other.number), max(one.number, other.number))
-        if one is other or pair in made or not (one.step and other.step) or one.step == other.step:
+        first, second = part_of[int(block[joint.a])], part_of[int(block[joint.b])]
+        pair = (min(first.number, second.number), max(first.number, second.number))
+        if first is second or pair in done_pairs or not (first.step and second.step) or first.step == second.step:
             continue
-        comes, stays = (one, other) if one.step > other.step else (other, one)
-        into = joint.normal if comes is one else -joint.normal
+        comes, stays = (first, second) if first.step > second.step else (second, first)
+        into = joint.normal if comes is first else -joint.normal
         if comes.direction @ into > 0.999 and _tenon(comes, stays, joint, into, clearance, fit, unit):
-            made.add(pair)
-    return len(made)
+            done_pairs.add(pair)
+    return len(done_pairs)
 
 
 def _tenon(comes: Part, stays: Part, joint: Joint, into: Floats, clearance: float, fit: Floats, unit: float) -> bool:

@@ -100,18 +100,18 @@ def write_page(parts: list[Part], verdict: str, front: Table, cutting: Table, pa
     boxes = np.array([np.array(part.exact.bounding_box()).reshape(2, 3) for part in parts])
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
     size = float((high - low).max())
-    shown = []
+    drawn = []
     for part, box, colour in zip(parts, boxes, colours, strict=True):
         points, triangles = surface_of(part.solid)
-        one = {
+        entry = {
             "number": part.number,
             "step": part.step,
             "direction": part.direction.tolist(),
             "colour": colour.tolist(),
         }
-        one |= {"middle": box.mean(axis=0).tolist(), "faces": triangles.tolist()}
-        shown.append(one | {"points": [[float(f"{v:.6g}") for v in point] for point in points.tolist()]})
-    data = {"verdict": verdict, "size": size, "middle": ((low + high) / 2).tolist(), "parts": shown}
+        entry |= {"middle": box.mean(axis=0).tolist(), "faces": triangles.tolist()}
+        drawn.append(entry | {"points": [[float(f"{v:.6g}") for v in point] for point in points.tolist()]})
+    data = {"verdict": verdict, "size": size, "middle": ((low + high) / 2).tolist(), "parts": drawn}
     text = json.dumps(data | {"front": front, "list": cutting}).replace("</", "<\\/")
     page = resources.files("jld_cut").joinpath("assets", "parts.html").read_text(encoding="utf-8")
     files.write_text(path, page.replace("/*DATA*/", text, 1))

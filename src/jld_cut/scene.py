@@ -49,23 +49,23 @@ def parse_region(name: str, text: str, unit: float) -> Region:
 def parse_load(text: str, unit: float) -> Load:
     """Return a load of a text FX,FY,FZ, FX,FY,FZ@x0,y0,z0,x1,y1,z1 or body:X,Y,Z."""
     body, words = text.startswith("body:"), text.removeprefix("body:")
-    force, at, place = words.partition("@")
-    if body and at:
+    force, separator, region = words.partition("@")
+    if body and separator:
         raise ParameterError("load", f"{text!r} gives a share of the weight a place", "body:X,Y,Z")
     vector = numbers("load", force, 3)
     if not np.linalg.norm(vector):
         raise ParameterError("load", f"{text!r} is no load", "a force other than 0")
-    return Load(vector, parse_region("load", place, unit) if at else Region(), body)
+    return Load(vector, parse_region("load", region, unit) if separator else Region(), body)
 
 
 def numbers(name: str, text: str, count: int) -> Floats:
     try:
-        found = np.array([float(word) for word in text.split(",")])
+        values = np.array([float(word) for word in text.split(",")])
     except ValueError:
-        found = np.array([])
-    if len(found) != count or not np.isfinite(found).all():
+        values = np.array([])
+    if len(values) != count or not np.isfinite(values).all():
         raise ParameterError(name, f"{text!r} is not {count} numbers", ",".join("xyzabc"[:count]).upper())
-    return found
+    return values
 
 
 def _clip(polygon: Floats, box: Floats) -> Floats:
@@ -90,8 +90,8 @@ def _clip(polygon: Floats, box: Floats) -> Floats:
 def _measure(polygon: Floats) -> tuple[float, Floats]:
     if len(polygon) < 3:
         return 0.0, np.zeros(3)
-    one, other = polygon[1:-1] - polygon[0], polygon[2:] - polygon[0]
-    area = 0.5 * np.linalg.norm(np.cross(one, other), axis=1)
+    first, second = polygon[1:-1] - polygon[0], polygon[2:] - polygon[0]
+    area = 0.5 * np.linalg.norm(np.cross(first, second), axis=1)
     middles = (polygon[0] + polygon[1:-1] + polygon[2:]) / 3
     total = float(area.sum())
     return total, (area @ middles / total if total else polygon.mean(axis=0))
@@ -107,8 +107,8 @@ class Facet:
 
 def outside(cells: list[Any], solid: Any, planes: list[Floats], size: float) -> list[Facet]:
     """Return the triangles of each cell that are of the surface of the solid."""
-    whole = cache(lambda k: sides_of(solid, planes[k], size))
-    found = []
+    sides_of_solid = cache(lambda k: sides_of(solid, planes[k], size))
+    facets = []
     for cell in cells:
         points, triangles = surface_of(cell)
         cut, rings = np.zeros(len(triangles), dtype=bool), list[Floats]()
@@ -118,15 +118,15 @@ def outside(cells: list[Any], solid: Any, planes: list[Floats], size: float) -> 
                 continue
             cut |= lies
             # a cut may run along a face of the solid
-            for turn, mine, all_of in zip((1, -1), sides_of(cell, plane, size), whole(k), strict=True):
-                common = shapely.get_parts(shapely.intersection(mine, all_of, grid_size=1e-10 * size))
+            for turn, of_cell, of_solid in zip((1, -1), sides_of(cell, plane, size), sides_of_solid(k), strict=True):
+                common = shapely.get_parts(shapely.intersection(of_cell, of_solid, grid_size=1e-10 * size))
                 for region in common[shapely.get_type_id(common) == 3].tolist():
                     for triangle in triangles_of(region):
                         rings.append(lifted(shapely.orient_polygons(triangle), plane)[::turn])
         flat = [ring[[0, k, k + 1]] for ring in rings for k in range(1, len(ring) - 1)]
         corners = np.concatenate([points[triangles[~cut]], np.array(flat).reshape(-1, 3, 3)])
-        found.append(facet_of(corners, size))
-    return found
+        facets.append(facet_of(corners, size))
+    return facets
 
 
 def facet_of(corners: Floats, size: float) -> Facet:
@@ -142,22 +142,22 @@ SLIVER: Final = 1e-6  # least share of a load that a cell bears
 def shares(load: Load, facets: list[Facet]) -> list[tuple[int, Floats, Floats]]:
     """Return cell, force (3,) and place (3,) of each part of a load; ParameterError where it meets no face."""
     direction = load.vector / np.linalg.norm(load.vector)
-    found, total = [], 0.0
+    loaded, total = [], 0.0
     for k, facet in enumerate(facets):
         press = np.maximum(-(facet.normals @ direction), 0.0)
         press[press < 1e-6] = 0.0
         hit = press > 0.0
         area, middle = load.region.clipped(facet.corners[hit])
         weight = press[hit] * area
-        if (whole := float(weight.sum())) > 0.0:
-            found.append((k, whole, weight @ middle / whole))
-            total += whole
-    if not found:
+        if (pressure := float(weight.sum())) > 0.0:
+            loaded.append((k, pressure, weight @ middle / pressure))
+            total += pressure
+    if not loaded:
         raise ParameterError("load", "no face of the solid lies in its region and faces it", "a region on the surface")
     # corners in single precision leave slivers of a face on the pieces beside it
-    kept = [one for one in found if one[1] > SLIVER * total]
-    total = sum(whole for _, whole, _ in kept)
-    return [(k, load.vector * (whole / total), middle) for k, whole, middle in kept]
+    large = [entry for entry in loaded if entry[1] > SLIVER * total]
+    total = sum(pressure for _, pressure, _ in large)
+    return [(k, load.vector * (pressure / total), middle) for k, pressure, middle in large]
 
 
 _DEPTH: Final = 0.05  # of supports, by size
@@ -199,14 +199,14 @@ class Setting:
 def held_faces(setting: Setting, facet: Facet, low: float, size: float) -> Facet:
     corners, normals = facet.corners, facet.normals
     if not setting.patches:
-        held = (corners[:, :, 2] < low + 1e-6 * size).all(axis=1) & (normals[:, 2] < -0.9)
+        is_held = (corners[:, :, 2] < low + 1e-6 * size).all(axis=1) & (normals[:, 2] < -0.9)
     else:
-        held = np.zeros(len(corners), dtype=bool)
+        is_held = np.zeros(len(corners), dtype=bool)
         for patch in setting.patches:
             assert patch.box is not None
             slack = 1e-6 * size
-            held |= ((corners >= patch.box[:3] - slack) & (corners <= patch.box[3:] + slack)).all(axis=(1, 2))
-    return Facet(corners[held], normals[held])
+            is_held |= ((corners >= patch.box[:3] - slack) & (corners <= patch.box[3:] + slack)).all(axis=(1, 2))
+    return Facet(corners[is_held], normals[is_held])
 
 
 @dataclass(frozen=True)
@@ -228,15 +228,15 @@ def grounds_of(setting: Setting, solid: Any) -> list[Ground]:
         where = "in its box" if setting.patches else "flat on the ground"
         raise ParameterError("support", f"no face of the solid lies {where}", "x0,y0,z0,x1,y1,z1 around whole faces")
     planes = np.column_stack([-held.normals, -np.einsum("ij,ij->i", held.normals, held.corners[:, 0])])
-    _, first, place = np.unique(
+    _, first, plane_of = np.unique(
         np.round(planes / [1e-6, 1e-6, 1e-6, 1e-6 * size]), axis=0, return_index=True, return_inverse=True
     )
-    place = place.reshape(-1)
+    plane_of = plane_of.reshape(-1)
     grounds = []
-    for k, at in enumerate(first.tolist()):
-        own = held.corners[place == k]
-        region = shapely.union_all(shapely.polygons(own @ basis(planes[at, :3]).T))
-        grounds.append(Ground(planes[at], own.reshape(-1, 3), region))
+    for k, plane in enumerate(first.tolist()):
+        corners = held.corners[plane_of == k]
+        region = shapely.union_all(shapely.polygons(corners @ basis(planes[plane, :3]).T))
+        grounds.append(Ground(planes[plane], corners.reshape(-1, 3), region))
     return grounds
 
 

@@ -1,4 +1,4 @@
-"""Search of the fewest parts that fit and carry: all layouts of all families, and their truth on convex cells."""
+"""Search of the fewest parts that fit and carry: all layouts of all families, and λ of the best on convex cells."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from jld_cut.cells import BENT, SPLIT, Cutting, Joint, Limits, convex_parts, joi
 from jld_cut.clock import SEARCHED, Clock
 from jld_cut.families import FAMILIES, Body
 from jld_cut.meshes import moments, surface_of
-from jld_cut.partitions import BEST, Asked, Bounds, Boxes, Found, frames, labels_of, search
+from jld_cut.partitions import BEST, Bounds, Boxes, SearchGoal, SearchResult, frames, labels_of, search
 from jld_cut.scene import Facet, Region, Setting, facet_of, grounds_of, scene_of, shares
 from jld_explore import Driver, Exploration, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.evaluation import Pool
@@ -55,25 +55,25 @@ class Family:
     joints: list[Joint]
     document: dict[str, Any]
     together: list[int]  # sets of cells that no joint may part
-    found: Found = field(default_factory=Found)
-    truth: Any = None  # made once
+    found: SearchResult = field(default_factory=SearchResult)
+    fine: Any = None  # its `FineModel`, made once
 
     @property
     def around(self) -> list[int]:
         """Return the set of cells that each cell has a joint with."""
-        place = {element["id"]: k for k, element in enumerate(self.document["elements"])}
-        found = [0] * len(self.cutting.cells)
-        for one in self.document["interfaces"]:
-            a, b = (place[name] for name in one["elements"])
-            if max(a, b) < len(found):
-                found[a] |= 1 << b
-                found[b] |= 1 << a
-        return found
+        index_of = {element["id"]: k for k, element in enumerate(self.document["elements"])}
+        neighbours = [0] * len(self.cutting.cells)
+        for interface in self.document["interfaces"]:
+            a, b = (index_of[name] for name in interface["elements"])
+            if max(a, b) < len(neighbours):
+                neighbours[a] |= 1 << b
+                neighbours[b] |= 1 << a
+        return neighbours
 
     @property
     def normals(self) -> Floats:
-        found = np.array([plane[:3] for plane in self.cutting.planes]).reshape(-1, 3)
-        return found[[k for k, n in enumerate(found) if not (np.abs(found[:k] @ n) > 1 - 1e-6).any()]]
+        normals = np.array([plane[:3] for plane in self.cutting.planes]).reshape(-1, 3)
+        return normals[[k for k, n in enumerate(normals) if not (np.abs(normals[:k] @ n) > 1 - 1e-6).any()]]
 
     def layout(self, block: Ints) -> Layout:
         """Return the layout of the parts (n,) of its cells."""
@@ -90,13 +90,15 @@ class Family:
 
 @dataclass(frozen=True)
 class Wish:
-    setting: Setting
+    """What the parts of a solid must fit and carry, in m and kg."""
+
+    setting: Setting  # material, supports and loads
     limits: Limits
-    mass: float | None
-    require: float
+    mass: float | None  # largest mass of a part
+    require: float  # load factor
     most: int | None  # parts
-    families: tuple[str, ...]
-    seconds: float
+    families: tuple[str, ...]  # names of ways to cut
+    seconds: float  # time for all
     whole: tuple[Region, ...] = ()  # that no joint meets
     alike: int | None = None  # most different shapes of parts
 
@@ -106,16 +108,16 @@ def body_of(solid: Any, wish: Wish) -> Body:
     points, triangles = surface_of(solid)
     box = np.array(solid.bounding_box())
     facet = facet_of(points[triangles], float((box[3:] - box[:3]).max()))
-    held = np.concatenate([ground.corners for ground in grounds_of(wish.setting, solid)])
+    held_corners = np.concatenate([ground.corners for ground in grounds_of(wish.setting, solid)])
     weight = wish.setting.matter.density * 9.81 * solid.volume() * np.array([0.0, 0.0, -1.0])
     forces, pushed = [], np.zeros(3)
-    each = [Facet(facet.corners[k : k + 1], facet.normals[k : k + 1]) for k in range(len(facet.corners))]
+    facets = [Facet(facet.corners[k : k + 1], facet.normals[k : k + 1]) for k in range(len(facet.corners))]
     for load in wish.setting.loads:
         if load.body:
             pushed = pushed + load.vector * np.linalg.norm(weight)
         else:
-            forces += [(force, at) for _, force, at in shares(load, each)]
-    return Body(solid, held, forces, weight + pushed, wish.limits)
+            forces += [(force, at) for _, force, at in shares(load, facets)]
+    return Body(solid, held_corners, forces, weight + pushed, wish.limits)
 
 
 def family_of(name: str, title: str, body: Body, wish: Wish) -> Family | None:
@@ -136,7 +138,7 @@ def _meets(joint: Joint, region: Region) -> bool:
     return bool(region.clipped(triangles)[0].sum() > 0.0)
 
 
-class Truth:
+class FineModel:
     """λ of layouts of a family on convex cells, all of whose inner faces may crack."""
 
     def __init__(self, family: Family, setting: Setting, *, few: bool = False) -> None:
@@ -144,18 +146,18 @@ class Truth:
         pieces, of, planes, self.convex = convex_parts(cutting.cells, max(PIECES, 2 * len(cutting.cells)))
         fine = Cutting(cutting.solid, pieces, [*cutting.planes, *planes])
         joints = joints_of(pieces, fine.planes, fine.size, SPLIT)
-        if (kept := without_splinters(pieces, of, joints)) is not None:
-            fine.cells, of = kept
+        if (without := without_splinters(pieces, of, joints)) is not None:
+            fine.cells, of = without
             joints = joints_of(fine.cells, fine.planes, fine.size, SPLIT)
         document = scene_of(family.document["name"], fine, joints, setting, SPLIT, fine.planes)
         # nearly plane facets are one face to a scene, and exact sections of them lie off it
-        for one in (document, document | {"tolerance": _OFF * fine.size}):
+        for variant in (document, document | {"tolerance": _OFF * fine.size}):
             try:
-                self._bounds = Bounds(one, crush=True, few=few)
+                self._bounds = Bounds(variant, crush=True, few=few)
             except InputError as error:
                 self.coarse = str(error)
             else:
-                self.document, self.of, self.coarse = one, of, ""
+                self.document, self.of, self.coarse = variant, of, ""
                 break
         else:
             self.document, self.of, self.convex = family.document, np.arange(len(cutting.cells)), False
@@ -167,7 +169,7 @@ class Truth:
     def scene(self, block: Ints) -> dict[str, Any]:
         """Return the scene of the convex cells with the parts (n,) of the cells as blocks."""
         names = [f"part {block[cell] + 1}" for cell in self.of.tolist()]
-        cells = [one | {"block": name} for one, name in zip(self.document["elements"], names, strict=False)]
+        cells = [element | {"block": name} for element, name in zip(self.document["elements"], names, strict=False)]
         return self.document | {"elements": cells + self.document["elements"][len(cells) :]}
 
     def order(self, block: Ints, seconds: float) -> Any:
@@ -178,8 +180,8 @@ class Truth:
             labels, bodies = labels_of(assembly, block[self.of][None])[0], self._laying.bodies
             try:
                 with Deadline(seconds).enforced():
-                    found = plugins.part("order_without_stages")(assembly, labels, bodies=bodies)
-                    self._orders[key] = found or False
+                    order = plugins.part("order_without_stages")(assembly, labels, bodies=bodies)
+                    self._orders[key] = order or False
             except DeadlinePassed:
                 return None
         return self._orders[key]
@@ -216,7 +218,7 @@ class Truth:
         """Return the bracket of a layout by the parts (n,) of the cells."""
         key = block.tobytes()
         if key not in self.known:
-            low, high, locked = (one[0] for one in self._bounds(block[self.of][None]))
+            low, high, locked = (values[0] for values in self._bounds(block[self.of][None]))
             self.known[key] = finite(low), finite(high), bool(locked)
         return self.known[key]
 
@@ -240,32 +242,32 @@ def _cut_ways(solid: Any, title: str, wish: Wish, say: Callable[[str], None], cl
     """Cut a solid in all ways, then again to finer cells while time lasts."""
     body = body_of(solid, wish)
     finer = replace(body.limits, aim=min(body.limits.cells, round(_FINER * body.limits.aim)))
-    known: set[tuple[str, int]] = set()
+    made_before: set[tuple[str, int]] = set()
     for limits in (body.limits, finer):
         for name in wish.families:
-            if limits is finer and name not in {one for one, _ in known}:
+            if limits is finer and name not in {name_made for name_made, _ in made_before}:
                 continue
-            made = partial(family_of, name, title, replace(body, limits=limits), wish)
+            make = partial(family_of, name, title, replace(body, limits=limits), wish)
             stage = f"{name} of {limits.aim} cells"
             # one family at least
-            family = clock.run(stage, SEARCHED * (_CUT if limits is finer else 1.0), made) if known else made()
+            family = clock.run(stage, SEARCHED * (_CUT if limits is finer else 1.0), make) if made_before else make()
             if family is None:
                 say(f"{name:<8} " + ("time ended" if stage in clock.left_out else "no such way to cut this solid"))
-            elif (name, len(family.cutting.cells)) not in known:
-                known.add((name, len(family.cutting.cells)))
+            elif (name, len(family.cutting.cells)) not in made_before:
+                made_before.add((name, len(family.cutting.cells)))
                 yield family
 
 
 def search_all(solid: Any, title: str, wish: Wish, clock: Clock, say: Callable[[str], None]) -> list[Family]:
     """Search all families, two at a time, until their time ends; InputError where no layout stands."""
     families: list[Family] = []
-    futures: list[Callable[[], Found]] = []
-    said: list[str] = []  # printed only beside a layout
+    futures: list[Callable[[], SearchResult]] = []
+    messages: list[str] = []  # printed only beside a layout
     start, until = time.time(), clock.at(SEARCHED)
     # processes take seconds to start
     jobs = 2 if until - start > _BESIDE and (os.cpu_count() or 1) > 1 else 1
     with Pool(jobs) as pool:
-        for family in _cut_ways(solid, title, wish, said.append, clock):
+        for family in _cut_ways(solid, title, wish, messages.append, clock):
             # two at a time, each round with its share of the time; what is left is for finer cells
             rounds = -(-len(wish.families) // jobs)
             end = start + (until - start) * min(1.0, (len(families) // jobs + 1) / rounds)
@@ -276,7 +278,7 @@ def search_all(solid: Any, title: str, wish: Wish, clock: Clock, say: Callable[[
                 family.around,
                 wish.limits,
                 family.together,
-                Asked(wish.require, wish.most or MOST, end, last, wish.alike),
+                SearchGoal(wish.require, wish.most or MOST, end, last, wish.alike),
             )
             families.append(family)
             futures.append(pool.submit(search, *task).result if jobs > 1 else partial(search, *task))
@@ -284,15 +286,15 @@ def search_all(solid: Any, title: str, wish: Wish, clock: Clock, say: Callable[[
                 family.found = futures[-1]()
         for family, result in zip(families, futures, strict=True):
             family.found = result() if jobs > 1 else family.found
-            said.append(f"{family.name:<8} {len(family.cutting.cells)} cells: {told(family, wish.require)}")
+            messages.append(f"{family.name:<8} {len(family.cutting.cells)} cells: {told(family, wish.require)}")
     if not families:
         raise InputError("jld cut", f"the solid cannot be cut by {', '.join(wish.families)}", "a further family")
     if not any(len(layouts.low) for family in families for layouts in family.found.of.values()):
-        reasons = "; ".join(f"{one.name}: {told(one, wish.require)}" for one in families)
+        reasons = "; ".join(f"{family.name}: {told(family, wish.require)}" for family in families)
         raise InputError(
             "jld cut", f"no layout was found ({reasons})", "a larger box, more parts, more time or other supports"
         )
-    for line in said:
+    for line in messages:
         say(line)
     return families
 
@@ -301,8 +303,8 @@ def told(family: Family, require: float) -> str:
     """Return in words what was found on the cells of a family."""
     found = family.found
     solved, branches = (sum(getattr(layouts, name) for layouts in found.of.values()) for name in ("solved", "branches"))
-    best = next((n for n, one in sorted(found.of.items()) if len(one.low) and one.low[0] >= require), None)
-    best = best or max((n for n, one in found.of.items() if len(one.low)), default=None)
+    best = next((n for n, layouts in sorted(found.of.items()) if len(layouts.low) and layouts.low[0] >= require), None)
+    best = best or max((n for n, layouts in found.of.items() if len(layouts.low)), default=None)
     if best is None:
         within = "no layout within the limits on parts and shapes stands" if branches else "no parts fit the box"
         fits = "every layout falls" if solved else within
@@ -313,7 +315,7 @@ def told(family: Family, require: float) -> str:
     return f"{solved} layouts and {branches} branches, {best} parts, {value}{proof}"
 
 
-class Listed(Driver):
+class ListDriver(Driver):
     name = "listed"
 
     def __init__(self, space: SearchSpace, rows: Bits) -> None:
@@ -321,13 +323,13 @@ class Listed(Driver):
         self._rows = rows
 
     def ask(self, limit: int | None = None) -> Bits:
-        given, self._rows = self._rows[:limit], self._rows[len(self._rows[:limit]) :]
-        return given
+        labellings, self._rows = self._rows[:limit], self._rows[len(self._rows[:limit]) :]
+        return labellings
 
     def tell(self, labellings: Bits, evaluations: Any) -> None: ...
 
 
-def explored(family: Family, block: Ints, out: Path, seconds: float) -> Exploration:
+def explore_best(family: Family, block: Ints, out: Path, seconds: float) -> Exploration:
     """Return the best layouts of a family as a search, with its tables and records in a folder."""
     scene = parse_scene(family.document | {"search": {"front": {"count": "blocks", "sense": "min"}}})
     assembly = build_assembly(scene)
@@ -335,5 +337,5 @@ def explored(family: Family, block: Ints, out: Path, seconds: float) -> Explorat
         [block[None], *(layouts.blocks[:BEST] for layouts in family.found.of.values() if len(layouts.low))]
     )
     labels, first = np.unique(labels_of(assembly, rows), axis=0, return_index=True)
-    driver = Listed(search_space(scene, assembly), labels[np.argsort(first)])
+    driver = ListDriver(search_space(scene, assembly), labels[np.argsort(first)])
     return explore(scene, out, ExploreSettings(check_fields=0, pictures=False), driver=driver, seconds=seconds)

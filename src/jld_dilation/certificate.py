@@ -73,20 +73,20 @@ class BinaryFractions:
 
     def __add__(self, other: BinaryFractions) -> BinaryFractions:
         scale = max(self.scale, other.scale)
-        one, two = self.values << (scale - self.scale), other.values << (scale - other.scale)
-        return BinaryFractions(one + two, scale)
+        first, second = self.values << (scale - self.scale), other.values << (scale - other.scale)
+        return BinaryFractions(first + second, scale)
 
     def __sub__(self, other: BinaryFractions) -> BinaryFractions:
         return self + BinaryFractions(-other.values, other.scale)
 
     def __matmul__(self, other: BinaryFractions) -> BinaryFractions:
         """Multiply two matrices exactly, skipping zero entries."""
-        out = np.zeros((self.values.shape[0], other.values.shape[1]), dtype=object)
+        product = np.zeros((self.values.shape[0], other.values.shape[1]), dtype=object)
         columns = [np.flatnonzero(row) for row in other.values]
-        held = [row[at] for row, at in zip(other.values, columns, strict=True)]
+        nonzero = [row[at] for row, at in zip(other.values, columns, strict=True)]
         for i, k in zip(*np.nonzero(self.values), strict=True):
-            out[i, columns[k]] += self.values[i, k] * held[k]
-        return BinaryFractions(out, self.scale + other.scale)
+            product[i, columns[k]] += self.values[i, k] * nonzero[k]
+        return BinaryFractions(product, self.scale + other.scale)
 
     def floats(self) -> Floats:
         """Convert the entries to doubles, correct to about 15 digits."""
@@ -165,19 +165,19 @@ class Certifier:
         last, least, idle = math.inf, math.inf, 0
         for _ in range(_ROUNDS):
             checkpoint()
-            rest = self._residual(of_products, live_work, bound, slack)
+            residual = self._residual(of_products, live_work, bound, slack)
             charge = (
-                float(self.force_bounds @ (abs(rest) @ self.velocity_bounds)) + self._loop_charge(of_products)
+                float(self.force_bounds @ (abs(residual) @ self.velocity_bounds)) + self._loop_charge(of_products)
             ) * (1.0 + 1e-9) + _NIL
             if charge <= slack:
                 # Less slack may prove a higher bound, since slack costs λ.
                 # A proven bound is cut off at the end of the region: beyond, nothing is known about λ.
-                found = math.nextafter(float(bound.floats()[0, 0]), -math.inf)
-                proven = max(proven, min(found, self.region.high))
+                candidate_bound = math.nextafter(float(bound.floats()[0, 0]), -math.inf)
+                proven = max(proven, min(candidate_bound, self.region.high))
                 if proven >= sufficient_bound or slack <= self.slack * _FINEST:
                     break
                 slack, charge, idle = slack * _FINER, math.inf, 0
-                rest = self._residual(of_products, live_work, bound, slack)
+                residual = self._residual(of_products, live_work, bound, slack)
             idle = idle + 1 if charge > _STALLED * last else 0
             last, least = charge, min(charge, least)
             if idle == 3 or math.inf > charge > _ASTRAY * least:
@@ -186,9 +186,9 @@ class Certifier:
                 near, price = of_products.floats(), live_work.floats()[:, 0]
                 of_products.values[~self.free & (near * self.largest[:, None] < _GONE)] = 0
                 live_work.values[~self.sign_free & (price * self.prices < _GONE)] = 0
-                rest = self._residual(of_products, live_work, bound, slack)
+                residual = self._residual(of_products, live_work, bound, slack)
                 correct = self._correction(near, price)
-            change = correct(rest)
+            change = correct(residual)
             of_products, live_work, bound = of_products + change[0], live_work + change[1], bound + change[2]
             # Multipliers that became negative are set to zero and may not change again.
             wrong, movable = (of_products.values < 0) & ~self.free, (live_work.values[:, 0] < 0) & ~self.sign_free
@@ -218,16 +218,18 @@ class Certifier:
         solve = least_change_solver(rows, np.concatenate([weight[i, j], movable[g], [1.0]]))
         scales = 1.0 / np.concatenate([largest[i], largest[last]])
 
-        def change(rest: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
-            """Return the changes of products, live work and bound for the residual R in `rest`."""
-            residual_size = float(abs(rest).max(initial=0.0)) or 1.0
-            found = solve((self.states.T @ (rest / residual_size) @ self.motions).ravel()) * residual_size * scales
-            more, paid = np.zeros(of_products.shape), np.zeros((len(price), 1))
-            more[i, j], paid[g, 0] = found[: len(i)], found[len(i) : -1]
-            one, two, three = (
-                BinaryFractions.of(round_to_bits(table, 2 * BITS)) for table in (more, paid, found[-1:, None])
+        def change(residual: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
+            """Return the changes of products, live work and bound for the residual R."""
+            residual_size = float(abs(residual).max(initial=0.0)) or 1.0
+            solution = (
+                solve((self.states.T @ (residual / residual_size) @ self.motions).ravel()) * residual_size * scales
             )
-            return one, two, three
+            more, paid = np.zeros(of_products.shape), np.zeros((len(price), 1))
+            more[i, j], paid[g, 0] = solution[: len(i)], solution[len(i) : -1]
+            one, of_live_work, of_bound = (
+                BinaryFractions.of(round_to_bits(table, 2 * BITS)) for table in (more, paid, solution[-1:, None])
+            )
+            return one, of_live_work, of_bound
 
         return change
 
@@ -285,9 +287,9 @@ def reduce_residual(
         equilibrium = by_statics.__matmul__
     by_zero_forms = np.linalg.pinv(zero_forms.floats(), rcond=1e-12) if len(zero_forms.values) else None
     for turn in (1, 2):
-        rest = lacking.floats()
-        rest[:, unbalanced] = 0.0
-        q = BinaryFractions.of(round_to_bits(equilibrium(rest), turn * BITS))
+        residual = lacking.floats()
+        residual[:, unbalanced] = 0.0
+        q = BinaryFractions.of(round_to_bits(equilibrium(residual), turn * BITS))
         lacking = lacking - exact.transposed() @ q
         if by_zero_forms is not None:
             lacking = (
@@ -309,13 +311,13 @@ def least_change_solver(rows: Any, share: Floats) -> Any:
 
     def solve(target: Floats) -> Floats:
         """Solve for the change of the multipliers that meets one target, by iterative refinement."""
-        change, left = np.zeros(len(share)), target
+        change, remaining = np.zeros(len(share)), target
         for _ in range(_REFINED):
-            more = share * (weighted @ solved(left))
+            more = share * (weighted @ solved(remaining))
             after = target - rows.T @ (change + more)
-            if not np.linalg.norm(after) < _GAINS * np.linalg.norm(left):
+            if not np.linalg.norm(after) < _GAINS * np.linalg.norm(remaining):
                 break
-            change, left = change + more, after
+            change, remaining = change + more, after
         return change
 
     return solve
@@ -439,9 +441,9 @@ def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: R
     )
     x = unit @ velocities.assemble(answer.point)
     live = modes.live_rate @ local_space.basis
-    whole = local_space.rates * (modes.hinges | ~np.repeat(lone, 4))[:, None]
+    rates_of_hinges = local_space.rates * (modes.hinges | ~np.repeat(lone, 4))[:, None]
     return RltSolution(
-        multipliers, combined_states(x, live, whole), x[-1] @ local_space.rates.T, modes.slacks @ x @ live
+        multipliers, combined_states(x, live, rates_of_hinges), x[-1] @ local_space.rates.T, modes.slacks @ x @ live
     )
 
 
@@ -451,17 +453,17 @@ class BlockCertifier(Certifier):
     def __init__(self, bounded: BoundedModes, region: Region, slack: float, distance: int | None = None) -> None:
         super().__init__(bounded, region, slack)
         self.local_space = LocalProductSpace(self.modes, region.closed, distance)
-        self._equilibrium = lambda rest: self.local_space.equilibrium(self.modes.statics, rest)
+        self._equilibrium = lambda residual: self.local_space.equilibrium(self.modes.statics, residual)
 
     def bound(self, multipliers: Multipliers, sufficient_bound: float = math.inf) -> float:
-        found = -math.inf
+        best = -math.inf
         lone = lone_faces(multipliers.products != 0.0, self.region.closed, self.modes.loops)
         self.unbalanced[-len(lone) :] = lone
         for self.least_free in _FREE_BLOCKS:
-            found = super().bound(multipliers, sufficient_bound)
-            if found > -math.inf:
+            best = super().bound(multipliers, sufficient_bound)
+            if best > -math.inf:
                 break
-        return found
+        return best
 
     def _correction(self, of_products: Floats, price: Floats) -> Any:
         """Return a function that computes changes of the multipliers from a residual R."""
@@ -477,11 +479,11 @@ class BlockCertifier(Certifier):
         weights = share**2
         solved = NormalEquations(space, share > 0.0, velocities.groups).factor(weights, 1.0, _SHIFT_BLOCKS)
 
-        def change(rest: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
-            """Return the changes of products, live work and bound for the residual R in `rest`."""
-            residual_size = float(abs(rest).max(initial=0.0)) or 1.0
-            left = velocities.split(self.force_bounds[:, None] * (rest / residual_size) @ velocities.basis)
-            point = solved(left, _EXACT, _REFINED_BLOCKS)
+        def change(residual: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
+            """Return the changes of products, live work and bound for the residual R."""
+            residual_size = float(abs(residual).max(initial=0.0)) or 1.0
+            parts = velocities.split(self.force_bounds[:, None] * (residual / residual_size) @ velocities.basis)
+            point = solved(parts, _EXACT, _REFINED_BLOCKS)
             more, raised = weights * space.values(point), float((space.unit * point[0]).sum())
             more = np.asarray(more * (residual_size / largest[:, None]), dtype=np.float64)
             tables = (more, np.zeros((len(price), 1)), np.array([[raised * residual_size]]))

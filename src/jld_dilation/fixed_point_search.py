@@ -296,11 +296,11 @@ class FixedPointSearch:
                     if not abs(raw.point).max() < _LOST:
                         dual = dual if dual.size else np.zeros_like(raw.dual)
                         break
-                    way = raw.point[: self.count] - forces[: self.count]
+                    direction = raw.point[: self.count] - forces[: self.count]
                     # A reversal of direction shows that the previous step was too long: shorten this one.
-                    back = float(way @ last) < 0.0
+                    back = float(direction @ last) < 0.0
                     share = max(0.5 * share, _LEAST) if back else min(2.0 * share, 1.0)
-                    forces, dual, last = forces[: self.count] + share * way, raw.dual, way
+                    forces, dual, last = forces[: self.count] + share * direction, raw.dual, direction
                     self._record(forces, raw, alpha if step < options.block else 0.0)
                     alpha = 0.1 * alpha if alpha > 1e-6 else 0.0
             areas = self.areas(forces)
@@ -352,10 +352,10 @@ class FixedPointSearch:
         while self.solves < self.program_limit - 2:
             checkpoint()
             tries += 1
-            own, areas, _ = under_own_areas(self.prover(self.shared), state, self.labels)
-            if own.admissible:
-                return own, areas
-            slack = models_effective_area.slack_to_request(own, self.margin, tries)
+            settled, areas, _ = under_own_areas(self.prover(self.shared), state, self.labels)
+            if settled.admissible:
+                return settled, areas
+            slack = models_effective_area.slack_to_request(settled, self.margin, tries)
             state = self.minimise_gap(state.forces.ravel(), dual, areas, slack)
         return state, areas
 
@@ -421,10 +421,10 @@ class AlternatingPrograms:
             if z is None:
                 return None
             moving = z > _MOVING
-            found = self.forces(moving, np.append(np.zeros(len(point) - 1), 1.0))
+            forces_found = self.forces(moving, np.append(np.zeros(len(point) - 1), 1.0))
             gap = float(slack @ z)
-            if found is not None or gap > _CLOSING * last:
-                return found
+            if forces_found is not None or gap > _CLOSING * last:
+                return forces_found
             # Prefer the lowest λ among forces of equal Σ yz.
             nearest = self.forces(none, np.append(np.where(moving, z, 0.0) @ self.modes.rows, _UNEVEN[1]))
             if nearest is None:
@@ -451,12 +451,12 @@ class AlternatingPrograms:
         while idle < tries:
             checkpoint()
             z = self.mechanism(closed, rng.exponential(size=count))
-            found = None if z is None else self.forces(z > _MOVING, goal)
-            if z is None or found is None:
+            forces_found = None if z is None else self.forces(z > _MOVING, goal)
+            if z is None or forces_found is None:
                 idle += 1
                 continue
-            if sign * (found[-1] - best[-1]) < -_BETTER * max(abs(best[-1]), _BETTER):
-                best, point, idle = found, found, 0
+            if sign * (forces_found[-1] - best[-1]) < -_BETTER * max(abs(best[-1]), _BETTER):
+                best, point, idle = forces_found, forces_found, 0
             else:
                 idle += 1
                 if idle % 3 == 0:
@@ -469,7 +469,7 @@ class AlternatingPrograms:
 
     def random_solutions(self, seed: int, draws: int) -> list[Floats]:
         """Return the solutions of lowest and highest λ for each of many random mechanisms."""
-        rng, found = np.random.default_rng(seed), list[Floats]()
+        rng, solutions = np.random.default_rng(seed), list[Floats]()
         count, columns = len(self.modes.constants), self.modes.rows.shape[1]
         none, goal = np.zeros(count, dtype=bool), np.append(np.zeros(columns), 1.0)
         for draw in range(draws):
@@ -486,8 +486,8 @@ class AlternatingPrograms:
             for sign in (1.0, -1.0):
                 point = self.forces(z > _MOVING, sign * goal)
                 if point is not None:
-                    found.append(point)
-        return found
+                    solutions.append(point)
+        return solutions
 
     def ascending_path(self, point: Floats, seed: int, steps: int, idle: int) -> list[Floats]:
         """Return the points of a path of solutions with increasing λ, the given one first."""

@@ -41,22 +41,22 @@ def steps_of(assembly: Assembly, labels: Bits, model: Model) -> list[dict[str, A
     return [
         {
             "step": k,
-            "kind": one.kind,
-            "alpha": one.alpha,
-            "load_factor": one.load * analysis.template.scaling.load,
-            "friction_violation": one.violation,
-            "dilation": number(one.dilation),
-            "complementarity_gap": number(one.gap),
+            "kind": step.kind,
+            "alpha": step.alpha,
+            "load_factor": step.load * analysis.template.scaling.load,
+            "friction_violation": step.violation,
+            "dilation": number(step.dilation),
+            "complementarity_gap": number(step.gap),
         }
-        for k, one in enumerate(search.history, 1)
+        for k, step in enumerate(search.history, 1)
     ]
 
 
 def interval_of(assembly: Assembly, labels: Bits, model: Model) -> dict[str, float | None]:
     """Return the ends of the interval of all solutions without dilation: found, proven, and with dilation."""
     seconds = model.floor_seconds if model.range else 0.0
-    found = solve_rigid(assembly, labels, replace(model, range=True, floor_seconds=seconds, gap=Model.gap))
-    return {name: found.facts.get(name) for name in ENDS}
+    result = solve_rigid(assembly, labels, replace(model, range=True, floor_seconds=seconds, gap=Model.gap))
+    return {name: result.facts.get(name) for name in ENDS}
 
 
 def write_history(assembly: Assembly, labels: Bits, model: Model, path: Path) -> None:
@@ -90,9 +90,9 @@ def figure_of_history(
     low, high = interval["lowest_found"], interval["highest_found"]
     if low is not None and high is not None:
         top.axhspan(low, high, color=look.TINTS[0], label=f"solutions found: {low:.5g} to {high:.5g}", lw=0)
-    named = {"with dilation": interval["associative_load_factor"], "none below, proven": interval["lowest_proven"]}
+    levels = {"with dilation": interval["associative_load_factor"], "none below, proven": interval["lowest_proven"]}
     for (name, value), dash in zip(
-        (named | (published or {})).items(), ("-", "--", ":", "-.", (0, (1, 3))), strict=False
+        (levels | (published or {})).items(), ("-", "--", ":", "-.", (0, (1, 3))), strict=False
     ):
         if value is not None:
             top.axhline(value, color=look.SOFT, ls=dash, lw=1.0, label=f"{name}: {value:.5g}")

@@ -43,7 +43,7 @@ class NormalEquations:
         slides = np.concatenate([4 * space.lone + 2, 4 * space.lone + 3])
         modes = np.flatnonzero(used.any(axis=0))
         self._modes = modes[~np.isin(modes, slides)]
-        self._of = [np.flatnonzero(used[:, mode]) for mode in self._modes]
+        self._rows_of_mode = [np.flatnonzero(used[:, mode]) for mode in self._modes]
         # The two slides of a lone face act as one, along s.
         forms = np.vstack([space.rates[self._modes], space.rates[4 * space.lone + 3]])
         self._tree = _EliminationTree(forms, groups, space.of, np.array([basis.shape[1] for basis in space.bases]))
@@ -106,13 +106,13 @@ class NormalEquations:
         half = slips @ back @ (stays + shift * np.eye(4))  # Equals slips − slips back slips, without cancellation.
         tables = self._tables(weights, 0.5 * (half + np.swapaxes(half, 1, 2)))
         for _ in range(_TRIES):
-            held = self._tree.factor(tables, shift)
-            if held is not None:
+            factored = self._tree.factor(tables, shift)
+            if factored is not None:
                 break
             shift = self._shift = _MORE * shift
         else:
             raise np.linalg.LinAlgError("normal equations of products are not positive definite")
-        solved = held
+        solved = factored
         # The live work is a matrix of rank one: Sherman and Morrison.
         forms = space.rates[4 * space.lone + 3]
         unit = space.unit
@@ -123,31 +123,33 @@ class NormalEquations:
             """Solve the shifted equations once, without refinement, for a right-hand side (Z, T)."""
             t = np.einsum("fab,fb->fa", back, rhs[1])
             pulled = np.zeros((space.facts.shape[1], len(space.of)))
-            for places, part, form in zip(space.at, np.einsum("fab,fb->fa", slips, t), forms, strict=True):
-                pulled[places] += np.outer(part, form)
+            for rows_of_face, part, form in zip(space.at, np.einsum("fab,fb->fa", slips, t), forms, strict=True):
+                pulled[rows_of_face] += np.outer(part, form)
             z = solved(rhs[0] - space.gather(pulled))
             z = z - price * float((unit * z).sum()) * along
-            own = np.einsum("fpw,fw->fp", space.expand(z)[space.at], forms)
-            return z, t - np.einsum("fab,fb->fa", back, np.einsum("fab,fb->fa", slips, own))
+            slips_of_z = np.einsum("fpw,fw->fp", space.expand(z)[space.at], forms)
+            return z, t - np.einsum("fab,fb->fa", back, np.einsum("fab,fb->fa", slips, slips_of_z))
 
         return solve
 
     def _tables(self, weights: Floats, lone_blocks: Floats) -> dict[tuple[int, int], Floats]:
         """Compute the blocks Cᵀ diag(d_l) C of each form, (forms, k, k′); C: facts over a basis, d_l: weights."""
-        space, out = self.space, {}
-        for (one, other), forms in self._tree.couplings.items():
-            table = np.empty((len(forms), space.bases[one].shape[1], space.bases[other].shape[1]))
+        space, blocks = self.space, {}
+        for (first, second), forms in self._tree.couplings.items():
+            table = np.empty((len(forms), space.bases[first].shape[1], space.bases[second].shape[1]))
             for n, form in enumerate(forms):
                 if form < len(self._modes):
-                    rows = self._of[form]
+                    rows = self._rows_of_mode[form]
                     by = weights[rows, self._modes[form]][:, None]
-                    table[n] = self._facts[one][rows].T @ (by * self._facts[other][rows])
+                    table[n] = self._facts[first][rows].T @ (by * self._facts[second][rows])
                 else:  # the slide of a face alone: its block (4, 4) acts on N, V, M and 1
                     face = form - len(self._modes)
-                    places = space.at[face]
-                    table[n] = space.bases[one][places].T @ lone_blocks[face] @ space.bases[other][places]
-            out[one, other] = table
-        return out
+                    rows_of_face = space.at[face]
+                    table[n] = (
+                        space.bases[first][rows_of_face].T @ lone_blocks[face] @ space.bases[second][rows_of_face]
+                    )
+            blocks[first, second] = table
+        return blocks
 
 
 def length(point: Point) -> float:
@@ -159,9 +161,9 @@ def _add(point: Point, share: float, other: Point) -> Point:
     return point[0] + share * other[0], point[1] + share * other[1]
 
 
-def _dot(one: Point, other: Point) -> float:
+def _dot(first: Point, second: Point) -> float:
     """Return the scalar product of two points (Z, T), see `ProductSpace`."""
-    return float((one[0] * other[0]).sum() + (one[1] * other[1]).sum())
+    return float((first[0] * second[0]).sum() + (first[1] * second[1]).sum())
 
 
 class _EliminationTree:
@@ -172,11 +174,11 @@ class _EliminationTree:
         touches = np.zeros((len(forms), int(groups.max(initial=-1)) + 1))
         np.maximum.at(touches.T, groups, (forms != 0.0).T.astype(float))
         order, later = _minimum_degree_order((touches.T @ touches) > 0.0)
-        place = np.empty(len(order), dtype=np.int64)
-        place[order] = np.arange(len(order))
+        position = np.empty(len(order), dtype=np.int64)
+        position[order] = np.arange(len(order))
         # Groups eliminated in one front, and the later groups that it couples, by place in the order. Chains without
         # additional fill are merged.
-        reach = [sorted(int(place[k]) for k in later[int(j)]) for j in order]
+        reach = [sorted(int(position[k]) for k in later[int(j)]) for j in order]
         eliminated: list[list[int]] = []
         coupled: list[list[int]] = []
         front_of = []
@@ -193,21 +195,25 @@ class _EliminationTree:
         order = self._order = np.concatenate([*columns_of, np.zeros(0, dtype=np.int64)]).astype(np.int64)
         ends = np.cumsum([0] + [len(columns) for columns in columns_of])
 
-        def columns_in(places: list[int]) -> list[int]:
-            return [k for j in places for k in range(ends[j], ends[j + 1])]
+        def columns_in(positions: list[int]) -> list[int]:
+            return [k for j in positions for k in range(ends[j], ends[j + 1])]
 
-        self._nodes = [(columns_in(now), columns_in(then)) for now, then in zip(eliminated, coupled, strict=True)]
+        self._nodes = [
+            (columns_in(of_front), columns_in(of_later)) for of_front, of_later in zip(eliminated, coupled, strict=True)
+        ]
         self._of, self._sizes = of[order], sizes[of[order]]
         self._starts = np.concatenate([[0], np.cumsum(self._sizes)]).astype(np.int64)
-        self._ends = [_FrontPositions(columns, rest, self._sizes, self._starts) for columns, rest in self._nodes]
+        self._ends = [
+            _FrontPositions(columns, later_columns, self._sizes, self._starts) for columns, later_columns in self._nodes
+        ]
         self.couplings, self._parts = self._couplings(forms[:, order])
 
     def _couplings(self, forms: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_Part]]]:
         """List the forms that couple each pair of bases, and the blocks of each front."""
         fronts: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
         forms_of: dict[tuple[int, int], dict[int, int]] = {}
-        for columns, rest in self._nodes:
-            rows = columns + rest
+        for columns, later_columns in self._nodes:
+            rows = columns + later_columns
             blocks_of: dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]] = {}
             for a, j in enumerate(columns):
                 for b in range(a, len(rows)):
@@ -238,7 +244,7 @@ class _EliminationTree:
         """Factor tables (forms, k, k′) + shift, and return the solver of (k, w); None if not positive definite."""
         flat = {key: table.reshape(len(table), -1) for key, table in tables.items()}
         updates: list[list[tuple[list[int], Floats, Ints]]] = [[] for _ in self._nodes]
-        out = []
+        factors = []
         for node, ((columns, later), ends) in enumerate(zip(self._nodes, self._ends, strict=True)):
             pivots, start = ends.first, ends.at  # number of pivots, and first row of each block
             front = np.zeros((start[-1], start[-1]), order="F")
@@ -260,28 +266,28 @@ class _EliminationTree:
                 below = blas.dtrsm(1.0, lower, front[pivots:, :pivots], side=1, lower=1, trans_a=1)
                 update = blas.dsyrk(-1.0, below, beta=1.0, c=front[pivots:, pivots:], lower=1)
                 updates[self._parent[node]].append((later, update, start[len(columns) :] - pivots))
-            out.append((lower, below))
-        return lambda rhs: self._solve(out, rhs)
+            factors.append((lower, below))
+        return lambda rhs: self._solve(factors, rhs)
 
-    def _solve(self, held: list[tuple[Floats, Floats]], rhs: Floats) -> Floats:
+    def _solve(self, factors: list[tuple[Floats, Floats]], rhs: Floats) -> Floats:
         """Solve for a right-hand side (k, w) by forward and backward substitution."""
         rows = np.arange(len(rhs))
         used = rows[None, :] < self._sizes[:, None]
         x = rhs.T[self._order][used]
-        for ends, (lower, below) in zip(self._ends, held, strict=True):
+        for ends, (lower, below) in zip(self._ends, factors, strict=True):
             part = x[ends.own] = blas.dtrsv(lower, x[ends.own], lower=1)
             if len(below):
                 x[ends.rest] -= below @ part
-        for ends, (lower, below) in zip(reversed(self._ends), reversed(held), strict=True):
+        for ends, (lower, below) in zip(reversed(self._ends), reversed(factors), strict=True):
             part = x[ends.own]
             if len(below):
                 part = part - below.T @ x[ends.rest]
             x[ends.own] = blas.dtrsv(lower, part, lower=1, trans=1)
-        placed = np.zeros(used.shape)
-        placed[used] = x
-        out = np.empty_like(rhs)
-        out[:, self._order] = placed.T
-        return out
+        unknowns = np.zeros(used.shape)
+        unknowns[used] = x
+        solution = np.empty_like(rhs)
+        solution[:, self._order] = unknowns.T
+        return solution
 
 
 # Pair of bases, (row, column) of the matrix blocks of a front, and the tables each is the sum of, (blocks, forms)
@@ -291,46 +297,46 @@ _Part = tuple[tuple[int, int], list[tuple[int, int]], Any]
 class _FrontPositions:
     """Index arrays of one front: own, rest: positions eliminated here, and of others; first: their number."""
 
-    def __init__(self, columns: list[int], rest: list[int], sizes: Ints, starts: Ints) -> None:
-        self.at = np.concatenate([[0], np.cumsum(sizes[columns + rest])]).astype(np.int64)
+    def __init__(self, columns: list[int], later: list[int], sizes: Ints, starts: Ints) -> None:
+        self.at = np.concatenate([[0], np.cumsum(sizes[columns + later])]).astype(np.int64)
         self.first = int(self.at[len(columns)])
         self.own = np.concatenate([np.arange(starts[j], starts[j + 1]) for j in columns])
-        self.rest = np.concatenate([np.zeros(0, dtype=np.int64), *(np.arange(starts[j], starts[j + 1]) for j in rest)])
+        self.rest = np.concatenate([np.zeros(0, dtype=np.int64), *(np.arange(starts[j], starts[j + 1]) for j in later)])
 
 
-def _extend_add(front: Floats, update: Floats, places: list[int], at: Ints, its: Ints) -> None:
+def _extend_add(front: Floats, update: Floats, positions: list[int], at: Ints, its: Ints) -> None:
     """Add an update matrix to a front, in the lower half of both (extend-add), by rows `at`, `its` of blocks."""
     # Runs of rows that are contiguous in both are added at once.
     runs: list[tuple[int, int, int]] = []
-    for n, place in enumerate(places):
-        if runs and runs[-1][1] + runs[-1][2] == place:
+    for n, position in enumerate(positions):
+        if runs and runs[-1][1] + runs[-1][2] == position:
             runs[-1] = (runs[-1][0], runs[-1][1], runs[-1][2] + 1)
         else:
-            runs.append((n, place, 1))
-    for k, (n, place, long) in enumerate(runs):
-        for n2, place2, long2 in runs[: k + 1]:
-            front[at[place] : at[place + long], at[place2] : at[place2 + long2]] += update[
-                its[n] : its[n + long], its[n2] : its[n2 + long2]
+            runs.append((n, position, 1))
+    for k, (n, position, count) in enumerate(runs):
+        for n2, position2, count2 in runs[: k + 1]:
+            front[at[position] : at[position + count], at[position2] : at[position2 + count2]] += update[
+                its[n] : its[n + count], its[n2] : its[n2 + count2]
             ]
 
 
 def _minimum_degree_order(meets: Bools) -> tuple[Ints, list[list[int]]]:
     """Return a minimum-degree order of a graph (w, w), and the neighbours eliminated later."""
     width = len(meets)
-    left = [set(np.flatnonzero(meets[j]).tolist()) - {j} for j in range(width)]
+    neighbours = [set(np.flatnonzero(meets[j]).tolist()) - {j} for j in range(width)]
     remaining = list(range(width))
     order: list[int] = []
     later: Any = [[] for _ in range(width)]
     while remaining:
         # Among columns of equal degree prefer neighbours of the last one, so that columns of one element stay together.
-        last = left[order[-1]] if order else set()
-        j = min(remaining, key=lambda k: (len(left[k]), k not in last, k))
+        last = neighbours[order[-1]] if order else set()
+        j = min(remaining, key=lambda k: (len(neighbours[k]), k not in last, k))
         remaining.remove(j)
         order.append(j)
-        later[j] = sorted(left[j])
-        for k in left[j]:
-            left[k] |= left[j]
-            left[k] -= {k, j}
+        later[j] = sorted(neighbours[j])
+        for k in neighbours[j]:
+            neighbours[k] |= neighbours[j]
+            neighbours[k] -= {k, j}
     return np.array(order, dtype=np.int64), later
 
 

@@ -80,9 +80,9 @@ def interior_point(
 def _run(highs: Any) -> LinearAnswer:
     highs.run()
     solution = highs.getSolution()
-    found = highs.getModelStatus().name == "kOptimal"
+    optimal = highs.getModelStatus().name == "kOptimal"
     value = float(highs.getInfo().objective_function_value)
-    return LinearAnswer(found, value, np.array(solution.col_value), np.array(solution.row_dual))
+    return LinearAnswer(optimal, value, np.array(solution.col_value), np.array(solution.row_dual))
 
 
 # Relative residual up to which a sum equals its slide; also the size of coefficients that are rounding
@@ -108,13 +108,16 @@ def loops_of(assembly: Assembly, rates: Floats) -> Floats:
             table = jumps[others].reshape(3 * len(others), -1)
             used = np.flatnonzero((table != 0.0).any(axis=0) | (jumps[face, 2] != 0.0))
             slide = jumps[face, 2, used]
-            found = np.linalg.lstsq(table[:, used].T, slide, rcond=None)[0]
+            coefficients = np.linalg.lstsq(table[:, used].T, slide, rcond=None)[0]
             size = np.linalg.norm(slide)
-            if np.linalg.norm(found @ table[:, used] - slide) > _NOTHING * size or abs(found).max() > _LARGE:
+            if (
+                np.linalg.norm(coefficients @ table[:, used] - slide) > _NOTHING * size
+                or abs(coefficients).max() > _LARGE
+            ):
                 continue
             shares = np.zeros(len(rates))
-            found = np.where(abs(found) < _NOTHING, 0.0, found).reshape(-1, 3)
-            for other, (first, second, slip) in zip(others, found, strict=True):
+            coefficients = np.where(abs(coefficients) < _NOTHING, 0.0, coefficients).reshape(-1, 3)
+            for other, (first, second, slip) in zip(others, coefficients, strict=True):
                 shares[4 * other : 4 * other + 4] = first, second, -slip, slip
             pair = np.maximum([shares, -shares], 0.0)
             pair[0, 4 * face + 3] = pair[1, 4 * face + 2] = -1.0
@@ -131,13 +134,13 @@ def has_opening(assembly: Assembly) -> bool:
 
 def _rank(rows: Iterable[int]) -> int:
     """Return the rank modulo 2 of binary rows, each given as the bits of one integer."""
-    kept: dict[int, int] = {}
+    pivots: dict[int, int] = {}
     for row in rows:
-        while row and row.bit_length() in kept:
-            row ^= kept[row.bit_length()]
+        while row and row.bit_length() in pivots:
+            row ^= pivots[row.bit_length()]
         if row:
-            kept[row.bit_length()] = row
-    return len(kept)
+            pivots[row.bit_length()] = row
+    return len(pivots)
 
 
 def _between(assembly: Assembly) -> list[tuple[int, int]]:
@@ -156,8 +159,8 @@ def face_loops(assembly: Assembly) -> Iterator[Loop]:
         between.setdefault((a, b), []).append(face)
         near.setdefault(a, set()).add(b)
         near.setdefault(b, set()).add(a)
-    for both in between.values():
-        yield from combinations(both, 2)
+    for faces_of_pair in between.values():
+        yield from combinations(faces_of_pair, 2)
     for ring in _rings(near):
         choices = [between[min(a, b), max(a, b)] for a, b in zip(ring, (*ring[1:], ring[0]), strict=True)]
         yield from product(*choices)
@@ -286,8 +289,8 @@ def adjacent_faces(assembly: Assembly) -> Bools:
     """Return a mask (m, m) of faces that meet at an element; each face meets itself."""
     faces, near = assembly.interfaces, np.eye(len(assembly.interfaces), dtype=bool)
     for element in range(len(assembly.elements)):
-        own = (faces.a == element) | (faces.b == element)
-        near |= np.outer(own, own)
+        of_element = (faces.a == element) | (faces.b == element)
+        near |= np.outer(of_element, of_element)
     return near
 
 
@@ -320,8 +323,8 @@ class Statics:
         """Prove a lower bound on an objective (3m + 2,) over all states; −inf if none is proven."""
         if not np.isfinite(self.force_bounds).all():
             return -np.inf
-        value, left = self._bound(objective)
-        return value - float(left @ self.force_bounds[:-2])
+        value, residual = self._bound(objective)
+        return value - float(residual @ self.force_bounds[:-2])
 
     @cached_property
     def force_bounds(self) -> Floats:
@@ -332,8 +335,8 @@ class Statics:
         modes = self.modes
         strong = float(modes.constants.max(initial=0.0))
         total = -np.append(modes.rows.sum(axis=0), [0.0, modes.constants.sum()])
-        value, left = self._bound(total)
-        missed = float(left.sum())
+        value, residual = self._bound(total)
+        missed = float(residual.sum())
         force_bounds = np.full(len(total), np.inf)
         force_bounds[-2:] = max(abs(self.low), abs(self.high)), 1.0
         if not np.isfinite(value) or missed > 0.5:
@@ -344,21 +347,21 @@ class Statics:
         for face in range(modes.faces):
             pressed = np.zeros(len(total))
             pressed[3 * face] = -1.0
-            value, left = self._bound(pressed)
-            most = -(value - float(left @ coarse[:-2])) + strong
+            value, residual = self._bound(pressed)
+            most = -(value - float(residual @ coarse[:-2])) + strong
             slides = modes.rows[4 * face + 2, 3 * face] * most + modes.constants[4 * face + 2]
             force_bounds[3 * face : 3 * face + 3] = np.minimum((most, slides, most), coarse[3 * face])
         return force_bounds
 
     def proven_positive(self, forms: Floats, tested: Bools) -> Bools:
         """Return which `tested` (k,) forms (k, 3m + 2) are proven positive in every state."""
-        found, seen = np.zeros(len(forms), dtype=bool), np.where(tested, np.inf, 0.0)
+        proven, seen = np.zeros(len(forms), dtype=bool), np.where(tested, np.inf, 0.0)
         for row in range(len(forms)):
             if seen[row] > _SEEN:
                 answer = self._rows.minimise(forms[row, :-1])
                 seen = np.minimum(seen, forms @ np.append(answer.point, 1.0)) if answer.found else seen
-                found[row] = answer.found and seen[row] > _MOVES_NOT and self.least(forms[row]) > _MOVES_NOT / 2
-        return found
+                proven[row] = answer.found and seen[row] > _MOVES_NOT and self.least(forms[row]) > _MOVES_NOT / 2
+        return proven
 
     def _bound(self, objective: Floats) -> tuple[float, Floats]:
         """Prove objective ≥ value − r·|F| for all states: value, −inf on failure, and r (3m,)."""
@@ -368,14 +371,14 @@ class Statics:
             return -np.inf, np.zeros(modes.rows.shape[1])
         q, p = answer.dual[: self._equations], answer.dual[self._equations :]
         p = np.where(self.held, p, np.maximum(p, 0.0))
-        left = objective[:-2] - modes.matrix.T @ q - modes.rows.T @ p
+        residual = objective[:-2] - modes.matrix.T @ q - modes.rows.T @ p
         noise = abs(objective[:-2]) + abs(modes.matrix).T @ abs(q) + abs(modes.rows).T @ abs(p)
         price = float(objective[-2] - modes.live @ q)
         blur = abs(objective[-2]) + float(abs(modes.live) @ abs(q))
         value = float(objective[-1] - modes.constants @ p - modes.dead @ q) + min(price * self.low, price * self.high)
         total = abs(objective[-1]) + float(modes.constants @ abs(p) + abs(modes.dead) @ abs(q))
         total += blur * max(abs(self.low), abs(self.high))
-        return value - _SUMS * total, abs(left) + _SUMS * noise
+        return value - _SUMS * total, abs(residual) + _SUMS * noise
 
 
 def bound_velocities(statics: Statics) -> Floats | None:
@@ -402,20 +405,22 @@ def bound_velocities(statics: Statics) -> Floats | None:
     for face in np.argsort(-np.linalg.norm(jumps[:, 1] @ loose, axis=1), kind="stable").tolist():
         if len(taken) == loose.shape[1]:
             break
-        way = jumps[face, 1] @ loose
-        if np.linalg.matrix_rank(np.vstack([taken, way]), tol=1e-9) == len(taken):
+        slip = jumps[face, 1] @ loose
+        if np.linalg.matrix_rank(np.vstack([taken, slip]), tol=1e-9) == len(taken):
             continue
         others = jumps[:, 1] @ loose
-        sign = np.where(others @ way >= 0.0, 1.0, -1.0)
-        together = np.abs(others - sign[:, None] * way).max(axis=1) <= 1e-9
+        sign = np.where(others @ slip >= 0.0, 1.0, -1.0)
+        together = np.abs(others - sign[:, None] * slip).max(axis=1) <= 1e-9
         least = statics.least(modes.capacities[together].sum(axis=0))
         if not least > 1e-6:
             continue
-        apart = jumps[together, 1] - sign[together, None] * jumps[face, 1]
-        rest = apart @ inverse
-        drift = max(drift, float(capacity[together].sum() * abs(apart - rest @ openings).sum(axis=1).max() / least))
-        spread = float(capacity[together].sum() * abs(rest).max(initial=0.0))
-        taken = np.vstack([taken, way])
+        difference = jumps[together, 1] - sign[together, None] * jumps[face, 1]
+        by_openings = difference @ inverse
+        drift = max(
+            drift, float(capacity[together].sum() * abs(difference - by_openings @ openings).sum(axis=1).max() / least)
+        )
+        spread = float(capacity[together].sum() * abs(by_openings).max(initial=0.0))
+        taken = np.vstack([taken, slip])
         rows.append(jumps[face, 1][None])
         shares.append(np.array([(1.0 + spread) / least]))
     if len(taken) < loose.shape[1]:
@@ -445,14 +450,16 @@ class Region:
         """Split the region at the mode that most violates y z = 0 by mean rates and slacks (4m,); or None."""
         # The measure of a mode is min(z, 1) y. In the first part, the mode is closed. In the second part, it is held;
         # if it is a slide, the other slide of its face is closed.
-        apart = np.where(self.closed | self.held, 0.0, np.minimum(rates, 1.0) * slacks)
-        if not apart.max() > 0.0:
+        products = np.where(self.closed | self.held, 0.0, np.minimum(rates, 1.0) * slacks)
+        if not products.max() > 0.0:
             return None
-        mode = int(np.argmax(apart))
-        number = np.arange(len(apart))
-        one = number == mode
+        mode = int(np.argmax(products))
+        number = np.arange(len(products))
+        lower = number == mode
         other = (number == mode ^ 1) & (mode % 4 > 1)
-        return replace(self, closed=self.closed | one), replace(self, closed=self.closed | other, held=self.held | one)
+        return replace(self, closed=self.closed | lower), replace(
+            self, closed=self.closed | other, held=self.held | lower
+        )
 
 
 @dataclass(frozen=True)

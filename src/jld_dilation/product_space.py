@@ -147,16 +147,16 @@ class LocalProductSpace:
         Rows: slacks, λ above and below the ends of the region, 1, which are always available.
         """
         faces = [self.touches[inside].any(axis=0) for inside in self.elements]
-        known = np.ones((self.modes.faces, len(self.forms)), dtype=bool)
-        for number, own in enumerate(faces):
-            known[:, (self.forms[:, self.of == number] != 0.0).any(axis=1)] &= own[:, None]
-        return np.vstack([np.repeat(known, 4, axis=0), np.ones((3, len(self.forms)), dtype=bool)])
+        allowed = np.ones((self.modes.faces, len(self.forms)), dtype=bool)
+        for number, faces_of_form in enumerate(faces):
+            allowed[:, (self.forms[:, self.of == number] != 0.0).any(axis=1)] &= faces_of_form[:, None]
+        return np.vstack([np.repeat(allowed, 4, axis=0), np.ones((3, len(self.forms)), dtype=bool)])
 
     def forces(self, number: int) -> tuple[Ints, Ints]:
         """Return a set's equilibrium equations, and the indices of its forces, λ and 1."""
         inside = self.elements[number]
-        own = np.append(np.repeat(self.touches[inside].any(axis=0), 3), [True, True])
-        return np.flatnonzero(np.repeat(inside, 3)), np.flatnonzero(own)
+        used = np.append(np.repeat(self.touches[inside].any(axis=0), 3), [True, True])
+        return np.flatnonzero(np.repeat(inside, 3)), np.flatnonzero(used)
 
     def bases(self, statics: Floats) -> tuple[Floats, ...]:
         """Return, for each set, a basis (3m + 2, k) of its states in equilibrium."""
@@ -171,13 +171,13 @@ class LocalProductSpace:
             out.append(basis)
         return tuple(out)
 
-    def equilibrium(self, statics: Floats, rest: Floats) -> Floats:
-        """Return multipliers of equilibrium (3n, 3n + m) that reduce a residual `rest` the most, set by set."""
-        out = np.zeros((len(statics), rest.shape[1]))
+    def equilibrium(self, statics: Floats, residual: Floats) -> Floats:
+        """Return multipliers of equilibrium (3n, 3n + m) that reduce a residual the most, set by set."""
+        out = np.zeros((len(statics), residual.shape[1]))
         for number in range(len(self.elements)):
             rows, places = self.forces(number)
             columns = np.flatnonzero(self._of == number)
-            out[np.ix_(rows, columns)] = self._inverse(number, statics) @ rest[np.ix_(places, columns)]
+            out[np.ix_(rows, columns)] = self._inverse(number, statics) @ residual[np.ix_(places, columns)]
         return out
 
     def _inverse(self, number: int, statics: Floats) -> Floats:
@@ -223,20 +223,20 @@ def velocities_of(local_space: LocalProductSpace, facts: Floats, statics: Floats
     modes, basis = local_space.modes, local_space.basis
     faces, count, width = np.flatnonzero(lone), len(modes.rows), len(modes.dead)
     at = np.array([np.flatnonzero(basis[width + face])[0] for face in faces], dtype=np.int64)
-    whole = ~np.isin(np.arange(basis.shape[1]), at)
-    own = np.column_stack([3 * faces, 3 * faces + 1, 3 * faces + 2, np.full(len(faces), facts.shape[1] - 1)])
+    untouched = ~np.isin(np.arange(basis.shape[1]), at)
+    columns = np.column_stack([3 * faces, 3 * faces + 1, 3 * faces + 2, np.full(len(faces), facts.shape[1] - 1)])
     rows = np.column_stack([*(4 * faces + k for k in range(4)), np.full(len(faces), count + 2)])
     space = ProductSpace(
         facts=facts,
-        rates=local_space.forms[:, whole],
+        rates=local_space.forms[:, untouched],
         bases=local_space.bases(statics),
-        of=local_space.of[whole],
+        of=local_space.of[untouched],
         lone=faces,
-        own=facts[rows[:, :, None], own[:, None, :]],
-        at=own,
-        live=(modes.live_rate @ basis)[whole],
+        own=facts[rows[:, :, None], columns[:, None, :]],
+        at=columns,
+        live=(modes.live_rate @ basis)[untouched],
     )
-    return Velocities(space, basis, whole, at, np.unique(local_space.groups[whole], return_inverse=True)[1])
+    return Velocities(space, basis, untouched, at, np.unique(local_space.groups[untouched], return_inverse=True)[1])
 
 
 def lone_faces(used: Bools, closed: Bools, loops: Floats) -> Bools:

@@ -121,13 +121,13 @@ class LowerBoundSearch:
                 slack = _MORE
                 problem.record("more slack")
                 continue
-            found = self._proven(region, relaxed, slack) if certifies else -math.inf
-            if certifies and found == -math.inf and slack < _MORE:
+            proven = self._proven(region, relaxed, slack) if certifies else -math.inf
+            if certifies and proven == -math.inf and slack < _MORE:
                 slack = min(slack / _FINER, _MORE)
                 problem.record("more slack")
                 continue
             bounds = bounds.with_(
-                found, problem.less_solver_tolerance(relaxed.multipliers.bound) if relaxed.accurate else -math.inf
+                proven, problem.less_solver_tolerance(relaxed.multipliers.bound) if relaxed.accurate else -math.inf
             )
             if depth == 0:
                 problem.offer_states(relaxed.states)
@@ -226,18 +226,18 @@ def _lower_bound(
 ) -> LowerBound | None:
     # If a solution at λ = 0 is known, the bound is 0 without a search.
     # None without any solution or time, with effective areas, dry shear strength or inner friction.
-    found = search.found
-    if found.lowest is None or not seconds > 0.0 or search.fixed_point.options.effective_area:
+    ends = search.found
+    if ends.lowest is None or not seconds > 0.0 or search.fixed_point.options.effective_area:
         return None
     if search.fixed_point.base.has_inner_friction or search.fixed_point.base.has_dry_shear:
         return None  # The certificates require friction of dry faces only.
-    if found.lowest_load <= tolerances.GAP * search.fixed_point.load_scale:
+    if ends.lowest_load <= tolerances.GAP * search.fixed_point.load_scale:
         return LowerBound(0.0, 0.0, 0.0, closed=True, programs=0, seconds=0.0, solve_log=("a solution at zero",))
     return bound(analysis, labels, search, seconds)
 
 
 def _planar_bound(analysis: LimitAnalysis, labels: Bits, search: MultiStartSearch, seconds: float) -> LowerBound | None:
-    found, modes = search.found, search.modes
+    ends, modes = search.found, search.modes
     if modes is None:
         return None
 
@@ -245,9 +245,9 @@ def _planar_bound(analysis: LimitAnalysis, labels: Bits, search: MultiStartSearc
         """Search for solutions from states of a relaxation; return the lowest λ found."""
         for state in states[:_TRIED]:
             search.search_from(state[:-1], thorough=False)
-        return found.lowest_load
+        return ends.lowest_load
 
-    return LowerBoundSearch(analysis, labels, modes, LowerBoundProblem(found.lowest_load, seconds, offer)).search()
+    return LowerBoundSearch(analysis, labels, modes, LowerBoundProblem(ends.lowest_load, seconds, offer)).search()
 
 
 def _bound_entries(lower_bound: LowerBound | None, load: float) -> dict[str, Any]:
@@ -326,8 +326,8 @@ def prove_zero_dilation(
     associative = associative or analysis.prove(labels, stands=stands)
     collapses = associative.status is Status.COLLAPSE
     if collapses and associative.bracket[1] * analysis.template.scaling.load <= pruning_threshold:
-        known = associative.load_factor
-        return replace(associative, status=Status.UNCERTIFIED, state=None, associative=known, outbid=True)
+        upper = associative.load_factor
+        return replace(associative, status=Status.UNCERTIFIED, state=None, associative=upper, outbid=True)
     if range is not None:
         proof = load_range(analysis, labels, options, associative, RangeOptions(range, pruning_threshold))
     elif associative.status is Status.UNSTABLE or associative.state is None:

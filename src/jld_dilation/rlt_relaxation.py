@@ -97,22 +97,22 @@ def product_rows(first: Any, second: Any, i: Ints, j: Ints) -> Any:
     """Return the sparse Kronecker products of rows i (k,) of one matrix with rows j of another."""
     # The rows state products of two linear forms, of forces and of velocities, as linear forms of X, docs/method.md
     # (4.7).
-    one, two = sp.csr_array(first)[i], sp.csr_array(second)[j]
-    a, b = np.diff(one.indptr), np.diff(two.indptr)
+    first_rows, second_rows = sp.csr_array(first)[i], sp.csr_array(second)[j]
+    a, b = np.diff(first_rows.indptr), np.diff(second_rows.indptr)
     count = a * b
     row = np.repeat(np.arange(len(i)), count)
     offset = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
-    at, to = one.indptr[row] + offset // b[row], two.indptr[row] + offset % b[row]
-    columns = one.indices[at].astype(np.int64) * second.shape[1] + two.indices[to]
+    at, to = first_rows.indptr[row] + offset // b[row], second_rows.indptr[row] + offset % b[row]
+    columns = first_rows.indices[at].astype(np.int64) * second.shape[1] + second_rows.indices[to]
     shape = (len(i), first.shape[1] * second.shape[1])
-    return sp.csr_array((one.data[at] * two.data[to], (row, columns)), shape=shape)
+    return sp.csr_array((first_rows.data[at] * second_rows.data[to], (row, columns)), shape=shape)
 
 
 def cost_form(modes: Modes) -> Floats:
     """Return the cost Σ_hinges z + Σ_faces capacity (z₊ + z₋) as a form (3m + 2, 3n + m), docs/method.md (4.8)."""
-    one = np.zeros(modes.matrix.shape[1] + 2)
-    one[-1] = 1.0
-    hinged = np.outer(one, modes.rates[modes.hinges].sum(axis=0))
+    form = np.zeros(modes.matrix.shape[1] + 2)
+    form[-1] = 1.0
+    hinged = np.outer(form, modes.rates[modes.hinges].sum(axis=0))
     return np.asarray(hinged + modes.capacities.T @ (modes.rates[2::4] + modes.rates[3::4]))
 
 
@@ -219,10 +219,10 @@ def _read(
     modes: Modes, region: Region, x: Floats, forms: Floats, live: Floats, included: Bools
 ) -> tuple[Floats, Floats, Floats, Bools]:
     """Compute states, mean rates, mean slacks and violated rows from products X (3m + 2, w), for `RltSolution`."""
-    seen, count = x @ forms.T, len(modes.rows)
-    violated = (modes.slacks @ seen < -_VIOLATED) & ~included & moving_forms(forms, region) & ~region.held[:, None]
+    values, count = x @ forms.T, len(modes.rows)
+    violated = (modes.slacks @ values < -_VIOLATED) & ~included & moving_forms(forms, region) & ~region.held[:, None]
     violated[np.arange(count), np.arange(count)] = False
-    return combined_states(x, live, forms[:count]), seen[-1, :count], modes.slacks @ x @ live, violated
+    return combined_states(x, live, forms[:count]), values[-1, :count], modes.slacks @ x @ live, violated
 
 
 def moving_forms(forms: Floats, region: Region) -> Bools:

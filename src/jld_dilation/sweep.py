@@ -69,10 +69,10 @@ class BlockSweep:
     def __init__(self, bounded: BoundedModes, problem: LowerBoundProblem) -> None:
         self.bounded, self.problem = bounded, problem
         self.modes = modes = bounded.modes
-        own = np.kron(np.eye(modes.faces, dtype=bool), np.ones((4, 4), dtype=bool))
-        few = np.hstack([modes.hinges | own, np.zeros((len(own), len(modes.loops)), dtype=bool)])
-        self.near_pairs = modes.near_pairs & few
-        self.stages = (("all hinges", few), ("all products", np.ones_like(few)))
+        same_face = np.kron(np.eye(modes.faces, dtype=bool), np.ones((4, 4), dtype=bool))
+        pairs = np.hstack([modes.hinges | same_face, np.zeros((len(same_face), len(modes.loops)), dtype=bool)])
+        self.near_pairs = modes.near_pairs & pairs
+        self.stages = (("all hinges", pairs), ("all products", np.ones_like(pairs)))
 
     def near_hinge_bound(self, low: float) -> float:
         """Prove a lower bound on λ by the products of near hinges only, to full accuracy."""
@@ -86,11 +86,11 @@ class BlockSweep:
         none = np.zeros(len(self.modes.rows), dtype=bool)
         region = self._region(low, none, none, low + _PART * (self.problem.load - low))
         pairs = self.stages[stage][1]
-        answer, found = self._step("part of the way", region, pairs, _FIRST, _ROUGHEST)
+        answer, proven = self._step("part of the way", region, pairs, _FIRST, _ROUGHEST)
         if answer is None and self.problem.seconds_left > 0.0:
             # The slack exceeded what mechanisms can balance: try again with less.
-            found = self._step("part of the way", region, pairs, _FIRST / _DEARER, _ROUGHEST)[1]
-        return max(low, found)
+            proven = self._step("part of the way", region, pairs, _FIRST / _DEARER, _ROUGHEST)[1]
+        return max(low, proven)
 
     def sweep(self, low: float, closed: Bools, held: Bools, stage: int = 0, depth: int = 0) -> float:
         """Prove a bound by steps from `low`, with branches where they stall; closed, held: (4m,)."""
@@ -100,15 +100,15 @@ class BlockSweep:
             slack = max(slack, self._slack(low))
             region = self._region(low, closed, held)
             tolerance = _ROUGHLY if low < problem.load_below(_FAR) else _LESS if rough else None
-            answer, found = self._step(f"branch {depth}" if depth else name, region, pairs, slack, tolerance)
+            answer, proven = self._step(f"branch {depth}" if depth else name, region, pairs, slack, tolerance)
             if answer is not None and depth == 0:
                 problem.offer_states(answer.states)
             last = stage + 1 == len(self.stages)
-            won = problem.gains_enough(low, found, _GAINS)
-            low = max(low, found)
+            won = problem.gains_enough(low, proven, _GAINS)
+            low = max(low, proven)
             if won or problem.closes_gap(low):
                 slack, rough = 0.0, False
-            elif found == -math.inf and slack < _MOST and self._worth_certifying(region, answer):
+            elif proven == -math.inf and slack < _MOST and self._worth_certifying(region, answer):
                 slack = min(_DEARER * slack, _MOST)
                 problem.record("more slack")
             elif not last:
@@ -137,8 +137,8 @@ class BlockSweep:
         """Solve one program of a region; return its solution and proven bound, −inf without."""
         problem, earned = self.problem, self.problem.scaled_slack(slack)
         problem.record(name, 1)
-        left = max(problem.seconds_left, 1.0)
-        options = RltOptions(pairs, earned, left, tolerance=tolerance)
+        seconds = max(problem.seconds_left, 1.0)
+        options = RltOptions(pairs, earned, seconds, tolerance=tolerance)
         answer = solve_rlt_by_matrix_blocks(self.bounded, region, options)
         if answer is None:
             return None, -math.inf
@@ -157,11 +157,11 @@ class BlockSweep:
         halves = region.split(answer.rates, answer.slacks)
         if halves is None:
             return low
-        found = math.inf
+        least = math.inf
         for half in halves:
-            if found > low:
-                found = min(found, self.sweep(low, half.closed, half.held, stage, depth + 1))
-        return found
+            if least > low:
+                least = min(least, self.sweep(low, half.closed, half.held, stage, depth + 1))
+        return least
 
 
 _STEPS: Final = 20  # Number of steps of the load path. A step without a state is halved, at most four times in all.
@@ -281,8 +281,8 @@ def low_compression_states(search: FixedPointSearch, load: float, rng: np.random
     forces = raw.point[: search.count]
     turns = int(rng.integers(*_START_TURNS, endpoint=True))
     for turn in range(turns):
-        drawn = rng.exponential(scale=_DRAWN, size=program.structure.linear)
-        raw = search.mechanism(forces, drawn if turn + 1 < turns else None)
+        objective = rng.exponential(scale=_DRAWN, size=program.structure.linear)
+        raw = search.mechanism(forces, objective if turn + 1 < turns else None)
         if raw.status not in (RawStatus.OPTIMAL, RawStatus.ALMOST):
             return None
         state = search.lowest_state(forces, raw.dual)
@@ -406,11 +406,11 @@ class MultiStartSearch:
             assert alternation is not None
             points = sorted(alternation.random_solutions(turn, _DRAWS), key=lambda point: float(point[-1]))
             # the least and the largest λ of a round start one more descent where they lie outside of what was known,
-            # and always where nothing was: then `known` is inf or NaN
+            # and always where nothing was: then `end_before` is inf or NaN
             before = found.lowest_load, -_load_of(found.highest)
             self.certify_extremes(points)
-            for end, sign, known in zip(points[:1] + points[-1:], (1.0, -1.0), before, strict=False):
-                if not sign * float(end[-1]) >= known:
+            for end, sign, end_before in zip(points[:1] + points[-1:], (1.0, -1.0), before, strict=False):
+                if not sign * float(end[-1]) >= end_before:
                     self.improve(end, 1)
             # Hardly any random mechanism of a wall has admissible forces.
             if found.lowest is not None and (not points or turn >= _ENOUGH):
@@ -421,8 +421,8 @@ class MultiStartSearch:
         # The search runs only if earlier descents ended at different λ, and stops after several mixtures in a row
         # without gain. If all descents end at the same λ, hundreds of mixtures found nothing lower on walls of 83 to
         # 141 faces.
-        apart = max(self._ends, default=0.0) - min(self._ends, default=0.0)
-        if self.alternation is None or apart <= _LOWER * max(self._ends, default=0.0):
+        distance = max(self._ends, default=0.0) - min(self._ends, default=0.0)
+        if self.alternation is None or distance <= _LOWER * max(self._ends, default=0.0):
             return
         rng, idle = np.random.default_rng(0), 0
         while idle < _IDLE and self.found.lowest is not None and self.found.lowest_load > sufficient_load:
@@ -492,8 +492,8 @@ class MultiStartSearch:
         ends = sorted(points, key=lambda point: float(point[-1]))
         for point in ends[:1] + ends[1:][-1:]:
             load, least = float(point[-1]), 1e-9 * max(abs(float(point[-1])), self.fixed_point.load_scale)
-            known = lowest is not None and highest is not None
-            if known and _load_of(lowest) - least <= load <= _load_of(highest) + least:
+            both = lowest is not None and highest is not None
+            if both and _load_of(lowest) - least <= load <= _load_of(highest) + least:
                 continue
             self.found.offer(repair_and_evaluate(self.fixed_point, point))
 

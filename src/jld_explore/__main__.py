@@ -12,12 +12,12 @@ def _leave_out_local_style() -> None:
     """Load matplotlib now where the current folder has a matplotlibrc, without reading it: it may be of any kind."""
     if not os.path.exists("matplotlibrc"):
         return
-    here = os.getcwd()
+    folder = os.getcwd()
     try:
         os.chdir(os.path.dirname(os.path.abspath(__file__)))
         import matplotlib  # noqa: F401 – reads its settings here and never again
     finally:
-        os.chdir(here)
+        os.chdir(folder)
 
 
 def _import_scipy() -> None:
@@ -31,14 +31,14 @@ def _import_scipy() -> None:
         return
     names = list(numpy.__all__)
     hidden = {name for name in {*names, *parts} if name not in vars(numpy)}
-    kept = parts & hidden
+    hidden_parts = parts & hidden
     try:
         numpy.__all__[:] = [name for name in names if name not in hidden]
         parts -= hidden
         import scipy.sparse.linalg  # noqa: F401
     finally:
         numpy.__all__[:] = names
-        parts |= kept
+        parts |= hidden_parts
 
 
 def main() -> None:

@@ -47,7 +47,7 @@ from jld_explore.search.driver_choice import (
     CLASSES,
     affordable_settings,
     choose_driver,
-    nothing_found,
+    no_layout_error,
     refuse_beside_void,
     refuse_together,
     refuse_unfit,
@@ -78,12 +78,12 @@ from jld_explore.steps.step import (
 
 # Expected time of the bound on all labellings, as a multiple of the time of one labelling. The bound is omitted if it
 # would be late.
-_BOUNDING: Final = 5.0
+_BOUND_COST: Final = 5.0
 
 # Seconds after the end of a search for the bound on all labellings. After an interrupt it also limits the solves for
 # the page, which shows forces of the best layout unless solving it takes long.
-_STOPPING: Final = 0.5
-_FOUND: Final = 1.2  # time to find and evaluate a first layout after a signal, s
+_STOPPING_SECONDS: Final = 0.5
+_FIRST_LAYOUT_SECONDS: Final = 1.2  # time to find and evaluate a first layout after a signal, s
 
 
 @typed
@@ -159,7 +159,7 @@ def explore(
     >>> found = explore("scenes/flat_beam_arch.json", driver="exact", seconds=60)
     >>> found.summary.best, found.summary.proven
     """
-    given: dict[str, Any] = {
+    arguments: dict[str, Any] = {
         "driver": driver,
         "seconds": seconds,
         "budget": budget,
@@ -175,11 +175,11 @@ def explore(
         "cluster": cluster,
         "strict": strict,
     }
-    asked = {name: value for name, value in given.items() if value is not None}
+    changes = {name: value for name, value in arguments.items() if value is not None}
     for name, value, kind in (("settings", settings, ExploreSettings), ("report", report, Callable)):
         require_kind(name, value, kind, NoneType)
     require_kind("announce", announce, Callable, NoneType)
-    settings = replace(settings or ExploreSettings(), **asked)
+    settings = replace(settings or ExploreSettings(), **changes)
     if objective is not None:
         settings = settings.maximising(objective)
     if out is None and settings.resume:
@@ -191,46 +191,46 @@ def explore(
     if (cracks := settings.model.cracks) is not None:
         parsed = parsed.model_copy(update={"cracks": cracks})
         settings = replace(settings, model=replace(settings.model, cracks=None))
-    begun = (folder / RECORDS_FILE).exists()
+    has_records = (folder / RECORDS_FILE).exists()
     # code of strangers may fail at any time, and an error stands alone
-    held: list[str] = []
-    say = held.append if announce is not None and of_strangers(*_AT_WORK) else announce
+    pending: list[str] = []
+    announce_message = pending.append if announce is not None and of_strangers(*_AT_WORK) else announce
     try:
         with error_context(scene, str(folder)) if isinstance(scene, str | Path) else nullcontext():
-            return _search(parsed, folder, settings, report, say, started)
+            return _search(parsed, folder, settings, report, announce_message, started)
     except InputError as error:
-        held.clear()
+        pending.clear()
         if out is None:
             with suppress(OSError):  # removes the temporary folder only if nothing was written into it
                 folder.rmdir()
-        if begun or not (folder / RECORDS_FILE).exists():
+        if has_records or not (folder / RECORDS_FILE).exists():
             raise
-        kept = f"{error.expected}; what was found until then is in {folder}"
+        expected = f"{error.expected}; what was found until then is in {folder}"
         if error.parameter:
-            raise ParameterError(error.parameter, error.problem, kept) from error
-        raise InputError(error.where, error.problem, kept) from error
+            raise ParameterError(error.parameter, error.problem, expected) from error
+        raise InputError(error.where, error.problem, expected) from error
     finally:
-        for line in held:
+        for line in pending:
             cast(Callable[[str], None], announce)(line)
 
 
 _AT_WORK: Final = ("jld.drivers", "jld.counts", "jld.objectives", "jld.steps")  # plug-ins that a search calls
 
 
-def _path(parameter: str, given: Any) -> Path:
+def _path(parameter: str, value: Any) -> Path:
     """Return what a caller names as a path; raise ParameterError for anything but a name."""
-    require_kind(parameter, given, os.PathLike)
-    return Path(given)
+    require_kind(parameter, value, os.PathLike)
+    return Path(value)
 
 
 def _driver_options(options: Any, keywords: dict[str, Any]) -> dict[str, Any] | None:
     require_kind("options", options, dict, NoneType)
-    known = sorted({name for kind in driver_kinds().values() for name in kind.Options.model_fields})
+    option_names = sorted({name for kind in driver_kinds().values() for name in kind.Options.model_fields})
     for key in keywords:
-        if key not in known:
-            names = [name for name in signature(explore).parameters if name != "driver_options"]
+        if key not in option_names:
+            parameters = [name for name in signature(explore).parameters if name != "driver_options"]
             raise ParameterError(
-                key, "explore has no such parameter, and no driver such an option", near(key, names + known)
+                key, "explore has no such parameter, and no driver such an option", near(key, parameters + option_names)
             )
     return {**(options or {}), **keywords} or None
 
@@ -255,100 +255,125 @@ def _search(
     assembly = build_robust(scene) if settings.robust else build_assembly(scene)
     refuse_together(scene, settings, assembly)
     # Announce messages only once a layout is found; a refused search and an empty space give their error alone.
-    said = _messages_of(scene, assembly)
+    messages = _messages(scene, assembly)
     space = _space_of(scene, assembly, settings)
     assembly = space.assembly if isinstance(settings.driver, Driver) else assembly
-    settings = affordable_settings(assembly, settings, said)
-    chosen, total = _driver_of(scene, space, settings, deadline, folder)
-    said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
-    refuse_unfit(scene, assembly, settings, chosen)
+    settings = affordable_settings(assembly, settings, messages)
+    driver, total = _choose_driver(scene, space, settings, deadline, folder)
+    messages.append(f"driver: {driver.name}" + (f", {total} {CLASSES}" if total is not None else ""))
+    refuse_unfit(scene, assembly, settings, driver)
     if space.void is not None:
-        refuse_beside_void(settings, chosen)
+        refuse_beside_void(settings, driver)
         assembly = space.assembly
-    kind, make = _makers(scene, assembly, settings, void=space.void is not None)
+    study_class, make_evaluator = _makers(scene, assembly, settings, void=space.void is not None)
     plan = plan_check(scene, assembly, space, settings)
-    tabled: list[Step] = [] if plan is None else [FieldCheck(plan)]  # results are written with its columns
+    table_steps: list[Step] = [] if plan is None else [FieldCheck(plan)]  # results are written with their columns
     steps = steps_of(settings, scene, space.assembly, [Uncut()])
 
-    def say() -> None:
-        while said and announce is not None:
-            announce(said.pop(0))
+    def announce_messages() -> None:
+        while messages and announce is not None:
+            announce(messages.pop(0))
 
-    until = search_deadline(deadline, settings, assembly, fields=isinstance(scene.cracks, FieldCracks))
-    own = until.earlier(sum(step.seconds(settings) for step in [*tabled, *steps]))
-    known: dict[str, Any] = {"total": total, "report": report, "found_first": say, "make": make, "deadline": own}
-    study = kind(scene, assembly, space, chosen, folder, settings, **known)
+    steps_deadline = search_deadline(deadline, settings, assembly, fields=isinstance(scene.cracks, FieldCracks))
+    study = study_class(
+        scene,
+        assembly,
+        space,
+        driver,
+        folder,
+        settings,
+        total=total,
+        report=report,
+        before_first_evaluation=announce_messages,
+        make=make_evaluator,
+        deadline=steps_deadline.earlier(sum(step.seconds(settings) for step in [*table_steps, *steps])),
+    )
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
     reason = _run_study(study, deadline)
-    context = StepContext(space, settings, until)
+    context = StepContext(space, settings, steps_deadline)
+    return _write_results(study, reason, (table_steps, steps), context, deadline, announce_messages, announce)
+
+
+def _write_results(
+    study: Study,
+    reason: StopReason,
+    steps: tuple[list[Step], list[Step]],
+    context: StepContext,
+    deadline: Deadline,
+    announce_messages: Callable[[], None],
+    announce: Callable[[str], None] | None,
+) -> Exploration:
+    """Write tables, pictures and certificate of a study, and run its steps: those that add to tables, and others."""
+    settings, driver = context.settings, study.driver
     try:
-        with ExitStack() as drawn:
+        with ExitStack() as drawing:
             with deferred_signals():  # a signal waits until the tables are whole
-                done = write_tables(study, reason, later(deadline, settings, TABLES))
-                say()  # of a resumed search without a new layout
+                exploration = write_tables(study, reason, later(deadline, settings, TABLES))
+                announce_messages()  # of a resumed search without a new layout
                 if settings.pictures:
-                    drawing = drawn.enter_context(beside(_pictures_of(done, deadline, settings)))
-                for step in tabled:
-                    done = step.run(done, context)
-                save_tables(done, csv=settings.csv)
-            if settings.certificate is not None and isinstance(chosen, Exact):
-                _certify(chosen, scene, settings.certificate, done)
-            done = run_steps(done, steps, context)
+                    draw = _picture_writer(exploration, deadline, settings)
+                    wait_for_pictures = drawing.enter_context(beside(draw))
+                for step in steps[0]:
+                    exploration = step.run(exploration, context)
+                save_tables(exploration, csv=settings.csv)
+            if settings.certificate is not None and isinstance(driver, Exact):
+                _certify(driver, study.scene, settings.certificate, exploration)
+            exploration = run_steps(exploration, steps[1], context)
             if settings.pictures:
-                _draw(done, deadline, settings, drawing, announce)
-            return done
+                _draw(exploration, deadline, settings, wait_for_pictures, announce)
+            return exploration
     except Interrupted as stop:
         if settings.pictures:
             with deferred_signals():
-                part("views").write_report(done, patience=_STOPPING, deadline=Deadline(0.0))
-        stop.done = done
+                part("views").write_report(exploration, patience=_STOPPING_SECONDS, deadline=Deadline(0.0))
+        stop.done = exploration
         raise
 
 
-def _messages_of(scene: Scene, assembly: Assembly) -> list[str]:
+def _messages(scene: Scene, assembly: Assembly) -> list[str]:
     """Return the warnings and notes of a scene, and how it cracks if not at faces alone."""
-    said = [f"warning: {warning}" for warning in assembly.warnings] + [f"note: {note}" for note in assembly.notes]
-    return said if scene.cracks == "faces" else [*said, f"cracks: {cracks_in_words(scene.cracks)}"]
+    messages = [f"warning: {warning}" for warning in assembly.warnings] + [f"note: {note}" for note in assembly.notes]
+    return messages if scene.cracks == "faces" else [*messages, f"cracks: {cracks_in_words(scene.cracks)}"]
 
 
-def _driver_of(
+def _choose_driver(
     scene: Scene, space: SearchSpace, settings: ExploreSettings, deadline: Deadline, folder: Path
 ) -> tuple[Driver, int | None]:
     """Choose the driver of a search, and count the classes of its space if it is small."""
     # a search that goes on without a named driver keeps the one on record: what is small depends on the time limit
     fields = scene.cracks if isinstance(scene.cracks, FieldCracks) else None
-    found = choose_driver(space, settings, deadline, many=scene.cracks != "faces", cracks_by_fields=fields)
+    choice = choose_driver(space, settings, deadline, bounded=scene.cracks == "faces", cracks_by_fields=fields)
     if settings.resume and settings.driver is None:
-        known = str(recorded(folder / RECORDS_FILE).get("driver"))
-        if known in driver_kinds() and known != found[0].name:
-            return choose_driver(space, replace(settings, driver=known), deadline, cracks_by_fields=fields)
-    return found
+        recorded_driver = str(recorded(folder / RECORDS_FILE).get("driver"))
+        if recorded_driver in driver_kinds() and recorded_driver != choice[0].name:
+            return choose_driver(space, replace(settings, driver=recorded_driver), deadline, cracks_by_fields=fields)
+    return choice
 
 
 def _space_of(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> SearchSpace:
     """Return the space of the given driver, else that of the scene; InputError if they do not fit."""
     # An objective of the user may tell mirror images apart, unless its attribute `symmetric` is true.
     own, driver = settings.own_objective, settings.driver
-    apart = "" if own is None or getattr(own, "symmetric", False) else "an objective of your own may not have it"
+    why = "" if own is None or getattr(own, "symmetric", False) else "an objective of your own may not have it"
     if not isinstance(driver, Driver):
-        return search_space(scene, assembly, tells_apart=apart)
+        return search_space(scene, assembly, tells_apart=why)
     space = driver.space
     if space.search != scene.search or space.assembly.elements.ids != assembly.elements.ids:
         raise ParameterError("driver", "it was made for the space of another scene", "search_space of this scene")
-    if apart and len(space.group) > 1:
+    if why and len(space.group) > 1:
         expected = 'search.symmetry "none", or an objective with the attribute symmetric = True'
-        raise ParameterError("driver", f"its space merges mirror images, and {apart}", expected)
+        raise ParameterError("driver", f"its space merges mirror images, and {why}", expected)
     return space
 
 
-def _certify(driver: Exact, scene: Scene, path: Path, done: Exploration) -> None:
+def _certify(driver: Exact, scene: Scene, path: Path, exploration: Exploration) -> None:
     """Write the certificate of a proof, with the best labelling found."""
-    best, load = done.summary.best_labelling, done.summary.best
-    found = None if best is None or load is None else (with_members(done.assembly, from_string(best)), load)
-    bound = done.summary.bound
-    if found is None and bound is not None:  # where no layout stands, what refutes each one refutes every λ ≥ 0
+    best, load = exploration.summary.best_labelling, exploration.summary.best
+    strongest = None if best is None or load is None else (with_members(exploration.assembly, from_string(best)), load)
+    bound = exploration.summary.bound
+    if strongest is None and bound is not None:  # where no layout stands, what refutes each one refutes every λ ≥ 0
         bound = max(bound, 0.0)
-    certify(driver, scene, path, found, bound)
+    certify(driver, scene, path, strongest, bound)
 
 
 def _makers(
@@ -368,14 +393,14 @@ def _makers(
     return kind, VoidCellsEvaluator if void else make
 
 
-Drawn = tuple[list[Path], list[str]]  # pictures that were written, and those that were left out for lack of time
+Pictures = tuple[list[Path], list[str]]  # pictures that were written, and those that were left out for lack of time
 
 
-def _pictures_of(done: Exploration, deadline: Deadline, settings: ExploreSettings) -> Callable[[], Drawn]:
+def _picture_writer(exploration: Exploration, deadline: Deadline, settings: ExploreSettings) -> Callable[[], Pictures]:
     """Return the function that draws as many pictures as time allows; no picture depends on what steps find."""
     return partial(
         part("views").write_pictures,
-        done,
+        exploration,
         deadline=later(deadline, settings, PICTURES),
         busy=busy_factor(deadline.elapsed(), time.process_time()) if settings.jobs == 1 else 1.0,
         fields=field_seconds(settings.seconds),
@@ -384,22 +409,22 @@ def _pictures_of(done: Exploration, deadline: Deadline, settings: ExploreSetting
 
 
 def _draw(
-    done: Exploration,
+    exploration: Exploration,
     deadline: Deadline,
     settings: ExploreSettings,
-    drawing: Callable[[], Drawn],
+    wait_for_pictures: Callable[[], Pictures],
     announce: Callable[[str], None] | None,
 ) -> None:
     """Write the page, and wait for the pictures that are drawn beside it."""
     # The page of a search by fields shows the picture of the best layout. Pictures that are missing are announced.
-    fields = isinstance(done.scene.cracks, FieldCracks)
+    fields = isinstance(exploration.scene.cracks, FieldCracks)
     if not fields:
-        part("views").write_report(done, deadline=later(deadline, settings, PAGE))
-    missing = drawing()[1]
+        part("views").write_report(exploration, deadline=later(deadline, settings, PAGE))
+    missing = wait_for_pictures()[1]
     if fields:
-        part("views").write_report(done, deadline=later(deadline, settings, PAGE))
+        part("views").write_report(exploration, deadline=later(deadline, settings, PAGE))
     if missing and announce is not None:
-        announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {done.folder} draws them")
+        announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {exploration.folder} draws them")
 
 
 def _run_study(study: Study, deadline: Deadline) -> StopReason:
@@ -407,43 +432,45 @@ def _run_study(study: Study, deadline: Deadline) -> StopReason:
     # If the search is interrupted, its tables are written before the exception continues.
     try:
         reason = study.run()
-        cost = _BOUNDING * cost_estimate(study.assembly).seconds
+        cost = _BOUND_COST * cost_estimate(study.assembly).seconds
         if len(study.records) and reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
-            _bound_all(study, in_time=cost < deadline.remaining() + _STOPPING)
+            _bound_all(study, in_time=cost < deadline.remaining() + _STOPPING_SECONDS)
     except BaseException as stop:
         # A signal may arrive between writing to disk and updating memory, so reopen the record on disk.
         study.records.close()
         if isinstance(stop, InputError) and not len(study.records):
-            _leave_nothing(study)
+            _remove_files(study)
             raise
-        apart = False
+        solved_first = False
         if isinstance(stop, Interrupted):
             study.records = study.open_records()
-            apart = _solve_first(study)
+            solved_first = _solve_first(study)
             study.records.close()
-        _bound_all(study, in_time=_BOUNDING * cost_estimate(study.assembly).seconds < _STOPPING)
-        done = save_tables(write_tables(study, StopReason.INTERRUPTED, Deadline(_STOPPING)), csv=study.settings.csv)
+        _bound_all(study, in_time=_BOUND_COST * cost_estimate(study.assembly).seconds < _STOPPING_SECONDS)
+        found = save_tables(
+            write_tables(study, StopReason.INTERRUPTED, Deadline(_STOPPING_SECONDS)), csv=study.settings.csv
+        )
         if study.settings.pictures:
-            part("views").write_report(done, patience=_STOPPING, deadline=Deadline(0.0))
-        if apart:
+            part("views").write_report(found, patience=_STOPPING_SECONDS, deadline=Deadline(0.0))
+        if solved_first:
             study.records = study.open_records()
             study.records.forget_evaluations()
             study.records.close()
         if isinstance(stop, Interrupted):
-            stop.done = done
-            if not len(done.results):
+            stop.done = found
+            if not len(found.results):
                 stop.words = "stopped before a layout was solved; --resume begins with the first"
         raise
     if not len(study.records) and reason is not StopReason.BUDGET:
         # The space, too large to count beforehand, is empty, or no labelling was found in time.
-        _leave_nothing(study)
+        _remove_files(study)
         if reason is StopReason.DRIVER:
             raise InputError(f"driver {study.driver.name!r}", "it asks for no layout", "one that its Register admits")
-        raise nothing_found(study.space, study.settings.seconds if reason is StopReason.TIME else None)
+        raise no_layout_error(study.space, study.settings.seconds if reason is StopReason.TIME else None)
     return reason
 
 
-def _leave_nothing(study: Study) -> None:
+def _remove_files(study: Study) -> None:
     for path in (study.records.path, study.folder / "scene.json"):
         path.unlink(missing_ok=True)
     if not any(study.folder.iterdir()):
@@ -454,13 +481,13 @@ def _solve_first(study: Study) -> bool:
     """Evaluate one layout without the driver if none is on record, and record it; return True if it was."""
     # The record must be open. Nothing happens where one layout is not found and evaluated within a second. The caller
     # forgets the layout again, so that the search resumes as if it had not been stopped.
-    left = _FOUND - study.evaluation_seconds
-    if len(study.records) or left <= 0.0:
+    seconds = _FIRST_LAYOUT_SECONDS - study.evaluation_seconds
+    if len(study.records) or seconds <= 0.0:
         return False
-    with suppress(DeadlinePassed), Deadline(left).enforced():
-        found = first_layout(study.space, study.settings.seed)
-        evaluations = study.worker_spec.evaluator().evaluate_all(found)
-        study.records.append(found, orbit_sizes(found, study.space.group).tolist(), evaluations)
+    with suppress(DeadlinePassed), Deadline(seconds).enforced():
+        labellings = first_layout(study.space, study.settings.seed)
+        evaluations = study.worker_spec.evaluator().evaluate_all(labellings)
+        study.records.append(labellings, orbit_sizes(labellings, study.space.group).tolist(), evaluations)
     return len(study.records) > 0
 
 

@@ -65,5 +65,5 @@ def sweep(
     >>> table = sweep("scenes/flat_beam_arch.json", {"materials.dry.friction_angle": [20, 25, 30]})
     >>> table["load_factor"]
     """
-    found: pd.DataFrame = plugins.part("sweep")(scene, grid, labels, explore, jobs, fields=fields, seconds=seconds)
-    return found
+    table: pd.DataFrame = plugins.part("sweep")(scene, grid, labels, explore, jobs, fields=fields, seconds=seconds)
+    return table

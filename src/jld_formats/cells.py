@@ -72,39 +72,39 @@ def with_holes(paths: list[Path]) -> tuple[list[Path], dict[int, list[int]]]:
 def without_frames(paths: list[Path], marks: list[Mark], options: ImportOptions, notes: Notes) -> list[Path]:
     """Drop rectangles around everything that are title frames."""
     # A frame touches nothing, and holds supports, outlines that touch one another, or has the shape of a sheet.
-    kept = list(range(len(paths)))
+    remaining = list(range(len(paths)))
     boxes = np.array([[*path.points[:, :2].min(axis=0), *path.points[:, :2].max(axis=0)] for path in paths])
     grounds = {k for k, path in enumerate(paths) if options.role(path.layer) == "support"}
     pins = any(options.role(mark.layer) == "support" for mark in marks)
     areas = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1)
     before = 0.0
-    while len(kept) > 1:
-        k, other = sorted(kept, key=lambda k: -float(areas[k]))[:2]
-        rest = [j for j in kept if j != k]
+    while len(remaining) > 1:
+        k, other = sorted(remaining, key=lambda k: -float(areas[k]))[:2]
+        others = [j for j in remaining if j != k]
         wide, tall = boxes[k, 2:] - boxes[k, :2]
         sheet = abs(max(wide, tall) / max(min(wide, tall), 1e-300) / 2.0**0.5 - 1.0) <= _SHEET
-        if all(options.role(paths[j].layer) not in (None, "hole") for j in rest):
+        if all(options.role(paths[j].layer) not in (None, "hole") for j in others):
             break  # what it holds stands on nothing: it is the structure itself
         doubled = max(before, float(areas[k])) * _DOUBLED <= (areas[k] if before else areas[other])
-        if not (_is_clear(paths[k], boxes, k, rest) and options.role(paths[k].layer) is None):
+        if not (_is_clear(paths[k], boxes, k, others) and options.role(paths[k].layer) is None):
             break
         if doubled and not before:
-            inside = [j for j in rest if j != other]
+            inside = [j for j in others if j != other]
             doubled = bool(inside) and _is_clear(paths[other], boxes, other, inside)
-        near = _touching([paths[j] for j in rest], max(wide, tall))
-        if not (sheet or doubled or pins or grounds & set(rest) or near):
+        structure_inside = _touching([paths[j] for j in others], max(wide, tall))
+        if not (sheet or doubled or pins or grounds & set(others) or structure_inside):
             break
-        kept, before = rest, float(areas[k])
+        remaining, before = others, float(areas[k])
         notes.skip("outline", 1, f"a frame around everything, on layer {paths[k].layer or '(none)'}")
-    return [paths[k] for k in kept]
+    return [paths[k] for k in remaining]
 
 
-def _is_clear(path: Path, boxes: Floats, k: int, rest: list[int]) -> bool:
+def _is_clear(path: Path, boxes: Floats, k: int, others: list[int]) -> bool:
     """Return True if a path is an upright rectangle around boxes (n, 4) of others, which it does not touch."""
     if not path.closed or len(path.points) < 3 or path.points[:, 2].any():
         return False
     wide, tall = boxes[k, 2:] - boxes[k, :2]
-    inner = np.concatenate([boxes[rest, :2].min(axis=0) - boxes[k, :2], boxes[k, 2:] - boxes[rest, 2:].max(axis=0)])
+    inner = np.concatenate([boxes[others, :2].min(axis=0) - boxes[k, :2], boxes[k, 2:] - boxes[others, 2:].max(axis=0)])
     area = float(shapely.Polygon(path.points[:, :2]).area)
     return bool(inner.min() > _APART * max(wide, tall) and area >= (1.0 - 1e-6) * wide * tall)
 
@@ -115,8 +115,8 @@ def _touching(paths: list[Path], size: float) -> bool:
     shapes = [shape for shape in shapes if shape.is_valid]
     if len(shapes) < 2:
         return False
-    one, two = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=_APART * size)
-    pairs = [(shapes[i], shapes[j]) for i, j in zip(one.tolist(), two.tolist(), strict=True) if i < j]
+    first, second = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=_APART * size)
+    pairs = [(shapes[i], shapes[j]) for i, j in zip(first.tolist(), second.tolist(), strict=True) if i < j]
     return any(a.intersection(b).area <= 1e-3 * min(a.area, b.area) for a, b in pairs)
 
 
@@ -128,10 +128,10 @@ def find_gaps(points: list[Floats], paths: list[Path], options: ImportOptions, r
     lines = [line_of(paths[k], points[k]) for k in chosen]
     tree = shapely.STRtree(lines)
     ends = [(n, side) for n, k in enumerate(chosen) if not paths[k].closed for side in (0, -1)]
-    places = np.array([points[chosen[n]][side] for n, side in ends])
-    touching = 1e-12 * float(np.abs(places).max())
-    number, other = tree.query(shapely.points(places), predicate="dwithin", distance=reach)
-    distance = shapely.distance(shapely.points(places[number]), np.array(lines, dtype=object)[other])
+    points_of_ends = np.array([points[chosen[n]][side] for n, side in ends])
+    touching = 1e-12 * float(np.abs(points_of_ends).max())
+    number, other = tree.query(shapely.points(points_of_ends), predicate="dwithin", distance=reach)
+    distance = shapely.distance(shapely.points(points_of_ends[number]), np.array(lines, dtype=object)[other])
     same_line = other == np.array([n for n, _ in ends])[number]
     best = np.full(len(ends), np.inf)
     np.minimum.at(best, number[~same_line], distance[~same_line])
@@ -142,12 +142,12 @@ def find_gaps(points: list[Floats], paths: list[Path], options: ImportOptions, r
     # a line that goes on past the one that it meets leaves no gap
     narrow = np.flatnonzero((touching < best) & (best <= reach)).tolist()
     pieces = [points[chosen[n]][:2] if side == 0 else points[chosen[n]][-2:] for n, side in (ends[k] for k in narrow)]
-    piece, other = tree.query([shapely.LineString(one) for one in pieces], predicate="crosses") if narrow else ([], [])
+    piece, other = tree.query([shapely.LineString(end) for end in pieces], predicate="crosses") if narrow else ([], [])
     best[[narrow[p] for p, j in zip(piece, other, strict=True) if j != ends[narrow[p]][0]]] = np.inf
     gaps: dict[tuple[float, ...], Gap] = {}
-    for width, place in zip(best.tolist(), places, strict=True):
-        if touching < width <= reach and not any(np.hypot(*(place - gap.at)) <= 1.01 * width for gap in gaps.values()):
-            gaps[tuple(place)] = Gap(width, place)
+    for width, point in zip(best.tolist(), points_of_ends, strict=True):
+        if touching < width <= reach and not any(np.hypot(*(point - gap.at)) <= 1.01 * width for gap in gaps.values()):
+            gaps[tuple(point)] = Gap(width, point)
     return list(gaps.values())
 
 
@@ -164,11 +164,11 @@ def find_cells(
     # Cells are closed outlines, cut by lines that cross them, and areas that lines enclose beside them. Without
     # outlines of free elements they are the cells of the network of lines.
     cut_out = {k for rings in holes.values() for k in rings}
-    kept = [k for k in range(len(paths)) if k not in snapped.collapsed and k not in cut_out]
+    read = [k for k in range(len(paths)) if k not in snapped.collapsed and k not in cut_out]
     role = [options.role(path.layer) for path in paths]
-    outlines = [k for k in kept if paths[k].closed and role[k] != "hole"]
-    lines = [k for k in kept if not paths[k].closed and role[k] != "hole"]
-    rings = [line_of(paths[k], snapped.paths[k]) for k in kept if role[k] == "hole"]
+    outlines = [k for k in read if paths[k].closed and role[k] != "hole"]
+    lines = [k for k in read if not paths[k].closed and role[k] != "hole"]
+    rings = [line_of(paths[k], snapped.paths[k]) for k in read if role[k] == "hole"]
     empty = _openings(rings, notes)
     lines = _without_doubles(lines, snapped)
     segments = [shapely.LineString(snapped.paths[k]) for k in lines]
@@ -187,8 +187,8 @@ def find_cells(
     else:
         shapes = {k: _shape(k, snapped, holes) for k in used}
         cells, nested = _cells_of_outlines(shapes, paths, snapped, segments + rings, options, size, notes)
-        own = [(s, paths[k].layer) for s, k in zip(segments, lines, strict=True) if role[k] in (None, "support")]
-        cells += _beside(cells, own, options, size, notes)
+        own_lines = [(s, paths[k].layer) for s, k in zip(segments, lines, strict=True) if role[k] in (None, "support")]
+        cells += _beside(cells, own_lines, options, size, notes)
     if not empty.is_empty:
         points = shapely.point_on_surface([shapely.Polygon(cell.points) for cell in cells])
         shapely.prepare(empty)
@@ -206,28 +206,30 @@ def find_cells(
 def _shape(k: int, snapped: snapping.Snapped, holes: dict[int, list[int]]) -> shapely.Geometry:
     """Return a closed outline after snapping, without its holes: a polygon, or several."""
     rings = [snapped.paths[j] for j in holes.get(k, ()) if j not in snapped.collapsed]
-    whole = shapely.Polygon(snapped.paths[k], rings)
-    if rings and not whole.is_valid:  # a hole that touches the outline
+    polygon = shapely.Polygon(snapped.paths[k], rings)
+    if rings and not polygon.is_valid:  # a hole that touches the outline
         shell = shapely.make_valid(shapely.Polygon(snapped.paths[k]))
         parts = shapely.get_parts(shell.difference(shapely.union_all([shapely.Polygon(ring) for ring in rings])))
         areas = [part for part in parts if part.geom_type == "Polygon" and part.area > 1e-9 * shell.area]
         return areas[0] if len(areas) == 1 else shapely.MultiPolygon(areas)
-    return whole
+    return polygon
 
 
 def say_nested(nested: list[tuple[Cell, Cell]], notes: Notes) -> None:
     """Note elements that lie within others, which may be openings."""
-    seen: dict[str, list[str]] = {}
+    inner_names: dict[str, list[str]] = {}
     layers: dict[str, str] = {}
     for inner, outer in nested:
         if not inner.support:
-            seen.setdefault(str(outer.name), []).append(str(inner.name))
+            inner_names.setdefault(str(outer.name), []).append(str(inner.name))
             layers[str(outer.name)] = inner.layer if inner.layer not in ("", "0", outer.layer) else ""
-    for around, names in seen.items():
+    for outer_name, names in inner_names.items():
         verb = "lies" if len(names) == 1 else "lie"
-        many = "an opening" if len(names) == 1 else "openings"
-        remedy = f"--hole {layers[around]}" if layers[around] else "draw it on a layer of its own, and --hole LAYER"
-        notes.doubtful.append(f"{listed(names)} {verb} within {around}: {many}? {remedy}")
+        openings = "an opening" if len(names) == 1 else "openings"
+        remedy = (
+            f"--hole {layers[outer_name]}" if layers[outer_name] else "draw it on a layer of its own, and --hole LAYER"
+        )
+        notes.doubtful.append(f"{listed(names)} {verb} within {outer_name}: {openings}? {remedy}")
         notes.doubted += names
 
 
@@ -240,8 +242,8 @@ def say_large(cells: list[Cell], notes: Notes) -> None:
     usual = float(np.median(areas))
     for cell, area in zip(free, areas.tolist(), strict=True):
         if area > _LARGE * usual:
-            what = f"element {cell.name!r} has {area / usual:.3g} times the area of the median element"
-            notes.doubtful.append(f"{what}: if it is an opening, draw its outline on a layer of --hole")
+            remark = f"element {cell.name!r} has {area / usual:.3g} times the area of the median element"
+            notes.doubtful.append(f"{remark}: if it is an opening, draw its outline on a layer of --hole")
             notes.doubted.append(str(cell.name))
 
 
@@ -254,10 +256,10 @@ def _openings(rings: list[shapely.LineString], notes: Notes) -> shapely.Geometry
     """Return the area that the lines of openings enclose, outlines or single lines."""
     if not rings:
         return shapely.Polygon()
-    found = shapely.polygonize([shapely.union_all(rings)])
-    if len(found.geoms):
-        notes.found.append(several(len(found.geoms), "opening"))
-    return shapely.union_all(found)
+    areas = shapely.polygonize([shapely.union_all(rings)])
+    if len(areas.geoms):
+        notes.found.append(several(len(areas.geoms), "opening"))
+    return shapely.union_all(areas)
 
 
 def _cells_of_outlines(
@@ -313,29 +315,29 @@ def _cells_of_outlines(
 def _inside(shapes: dict[int, shapely.Geometry]) -> dict[int, list[int]]:
     """Map each outline that covers others to the outlines inside it, by their keys."""
     # The map is empty if any outline crosses itself.
-    found: dict[int, list[int]] = {}
+    inside: dict[int, list[int]] = {}
     keys, polygons = list(shapes), list(shapes.values())
     if not all(polygon.is_valid for polygon in polygons):
         return {}
     inner, outer = shapely.STRtree(polygons).query(polygons, predicate="covered_by")
-    for one, other in zip(inner.tolist(), outer.tolist(), strict=True):
-        if one != other:
-            found.setdefault(keys[other], []).append(keys[one])
-    return found
+    for a, b in zip(inner.tolist(), outer.tolist(), strict=True):
+        if a != b:
+            inside.setdefault(keys[b], []).append(keys[a])
+    return inside
 
 
 def _beside(
-    cells: list[Cell], own: list[tuple[shapely.LineString, str]], options: ImportOptions, size: float, notes: Notes
+    cells: list[Cell], lines: list[tuple[shapely.LineString, str]], options: ImportOptions, size: float, notes: Notes
 ) -> list[Cell]:
     """Return the cells that lines enclose beside closed outlines, with the layer of each."""
     shapes = [shape for shape in (shapely.Polygon(cell.points) for cell in cells) if shape.is_valid]
-    if not own or not shapes:
+    if not lines or not shapes:
         return []
     covered = shapely.union_all(shapes)
     inside = covered.buffer(-1e-7 * size)
     shapely.prepare(inside)
-    apart = ~shapely.intersects(inside, [line for line, _ in own])
-    loose = [pair for pair, out in zip(own, apart.tolist(), strict=True) if out]
+    outside_cells = ~shapely.intersects(inside, [line for line, _ in lines])
+    loose = [pair for pair, out in zip(lines, outside_cells.tolist(), strict=True) if out]
     if not loose:
         return []
     faces = list(shapely.polygonize([shapely.union_all([*(line for line, _ in loose), covered.boundary])]).geoms)
@@ -347,15 +349,15 @@ def _beside(
     own_share = _share_on(faces, [line for line, _ in loose], 1e-7 * size)
     grounded = _share_on(faces, supports, 1e-7 * size)
     ground = next((layer for _, layer in loose if options.role(layer) == "support"), "")
-    kept = [
+    drawn = [
         (face, ground if onto > _DRAWN else "")
         for face, share, onto in zip(faces, own_share, grounded, strict=True)
         if share > _DRAWN
     ]
-    found = [cell for face, layer in _drop_unconnected(kept, covered) for cell in _pieces(face, layer)]
-    if found:
-        notes.found.append(f"{several(len(found), 'cell')} that lines enclose beside the outlines")
-    return found
+    cells_found = [cell for face, layer in _drop_unconnected(drawn, covered) for cell in _pieces(face, layer)]
+    if cells_found:
+        notes.found.append(f"{several(len(cells_found), 'cell')} that lines enclose beside the outlines")
+    return cells_found
 
 
 def _share_on(faces: list[shapely.Polygon], lines: list[shapely.LineString], near: float) -> list[float]:
@@ -405,8 +407,8 @@ def _count_unused(
     free = along <= np.minimum(10.0 * reach, 0.5 * shapely.length(segments))
     unused = Counter(layers[k] for k in np.flatnonzero(free).tolist())
     for layer, count in sorted(unused.items()):
-        what = f"line{'s' * (count != 1)} on layer {layer or '(none)'}"
-        notes.skip(what, count, "they bound and divide no cell")
+        words = f"line{'s' * (count != 1)} on layer {layer or '(none)'}"
+        notes.skip(words, count, "they bound and divide no cell")
     return unused.total()
 
 
@@ -426,24 +428,24 @@ def _one_outline_each(
     outlines: list[int], paths: list[Path], snapped: snapping.Snapped, holes: dict[int, list[int]], notes: Notes
 ) -> list[int]:
     """Return the indices of outlines without those drawn twice; holes of any of equal ones count."""
-    seen: dict[bytes, int] = {}
+    first_of: dict[bytes, int] = {}
     for k in outlines:
         corners = snapped.paths[k]
         key = np.sort(corners.view([("x", corners.dtype), ("y", corners.dtype)]).ravel(), order=("x", "y")).tobytes()
-        first = seen.setdefault(key, k)
+        first = first_of.setdefault(key, k)
         if first != k and k in holes and first not in holes:
             holes[first] = holes.pop(k)
-    notes.skip("outlines", len(outlines) - len(seen), "drawn twice")
-    return list(seen.values())
+    notes.skip("outlines", len(outlines) - len(first_of), "drawn twice")
+    return list(first_of.values())
 
 
 def _without_doubles(lines: list[int], snapped: snapping.Snapped) -> list[int]:
     """Return the indices of lines (k, 2), the first of equal ones, whatever their direction."""
-    seen: dict[bytes, int] = {}
+    first_of: dict[bytes, int] = {}
     for k in lines:
         points = snapped.paths[k]
-        seen.setdefault(min(points.tobytes(), points[::-1].tobytes()), k)
-    return list(seen.values())
+        first_of.setdefault(min(points.tobytes(), points[::-1].tobytes()), k)
+    return list(first_of.values())
 
 
 def _network(
@@ -453,18 +455,18 @@ def _network(
     noded = shapely.node(shapely.MultiLineString(segments))
     cells, _, _, invalid = shapely.polygonize_full([noded])
     notes.skip("rings", len(invalid.geoms), "they cross themselves")
-    found = []
+    found_cells = []
     supports = [s for s, layer in zip(segments, layers, strict=True) if options.role(layer) == "support"]
     ground = shapely.union_all(supports) if supports else None
     for cell in cells.geoms:
         if cell.area <= 1e-12 * size**2:
             continue
-        drawn = 0.0 if ground is None else cell.exterior.intersection(ground).length / cell.exterior.length
-        layer = next(la for la in layers if options.role(la) == "support") if drawn > 0.5 else ""
-        found += _pieces(cell, layer)
-    found.sort(key=lambda cell: _height(cell, size))
-    notes.found.append(f"a network of {several(len(segments), 'line')} around {several(len(found), 'cell')}")
-    return found
+        on_support = 0.0 if ground is None else cell.exterior.intersection(ground).length / cell.exterior.length
+        layer = next(la for la in layers if options.role(la) == "support") if on_support > 0.5 else ""
+        found_cells += _pieces(cell, layer)
+    found_cells.sort(key=lambda cell: _height(cell, size))
+    notes.found.append(f"a network of {several(len(segments), 'line')} around {several(len(found_cells), 'cell')}")
+    return found_cells
 
 
 def _pieces(face: shapely.Polygon, layer: str) -> list[Cell]:
@@ -479,10 +481,10 @@ def _pieces(face: shapely.Polygon, layer: str) -> list[Cell]:
 def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], layer: str, size: float) -> list[Cell]:
     """Cut an outline by lines; return its cells, lowest first, or none if no line crosses."""
     inside = [shapely.intersection(shape, line) for line in lines]
-    kept = [part for part in inside if part.length > 1e-9 * size]
-    if not kept:
+    inside_lines = [part for part in inside if part.length > 1e-9 * size]
+    if not inside_lines:
         return []
-    noded = shapely.union_all([shape.boundary, *kept])
+    noded = shapely.union_all([shape.boundary, *inside_lines])
     pieces = [piece for piece in shapely.polygonize([noded]).geoms if piece.area > 1e-12 * size**2]
     cells = [cell for piece in pieces if shape.covers(piece.representative_point()) for cell in _pieces(piece, layer)]
     return sorted(cells, key=lambda cell: _height(cell, size))
@@ -562,10 +564,10 @@ def say_size(measured: Measures, unit: str, drawn_in: str, notes: Notes) -> None
     if not far and not hardly_meant(size) and (block <= _BLOCK or size <= _LONG):
         return
     factor = units.METRES[likely] * per_unit
-    what = f"the structure is {size:.3g} m large, its median element {block:.3g} m, with lengths in {drawn_in}"
+    remark = f"the structure is {size:.3g} m large, its median element {block:.3g} m, with lengths in {drawn_in}"
     if likely == drawn_in:
-        notes.doubtful.append(what)
+        notes.doubtful.append(remark)
         return
     notes.doubtful.append(
-        f"{what}: in {likely} it is {size * factor:.3g} m and {block * factor:.3g} m, --unit {likely}"
+        f"{remark}: in {likely} it is {size * factor:.3g} m and {block * factor:.3g} m, --unit {likely}"
     )

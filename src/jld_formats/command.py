@@ -65,14 +65,14 @@ def import_command(
     options = ImportOptions(**cli_options.of_reading(reading), facet=facet, like=materials, seconds=seconds)
     cli_options.refuse_itself(file, out)
     with shown_reading(file) as progress:
-        found = import_file(file, options, progress=progress)
+        imported = import_file(file, options, progress=progress)
     try:
-        scene = parse_scene(found.document, "")
+        scene = parse_scene(imported.document, "")
         build_assembly(scene)
     except InputError as error:
-        raise found.in_unit_of_file(error, "--tolerance").within(str(file)) from None
+        raise imported.in_unit_of_file(error, "--tolerance").within(str(file)) from None
     cli_options.write_scene(scene, out)
-    streams.say(json.dumps(found.facts(), indent=1) if as_json else f"{found.report}\nwritten to   {out}")
+    streams.say(json.dumps(imported.facts(), indent=1) if as_json else f"{imported.report}\nwritten to   {out}")
 
 
 def export_command(

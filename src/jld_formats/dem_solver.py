@@ -24,8 +24,8 @@ NAME: Final = "JLD"  # name of the solver in compas_dem
 def solve_document(document: dict[str, Any], **options: Any) -> dict[str, Any]:
     """Solve an `Analysis` of compas_dem in JSON; return its `Results` in JSON; options: as of `Model`."""
     notes = Notes()
-    found = solids_of(document, "analysis", notes)
-    written = spatial_scene(found, ImportOptions(), notes).document
+    solids = solids_of(document, "analysis", notes)
+    written = spatial_scene(solids, ImportOptions(), notes).document
     if "settlements" in written:
         raise InputError(
             "displacements", "limit analysis knows no prescribed movement", "loads alone, or jld settlement"
@@ -38,7 +38,7 @@ def solve_document(document: dict[str, Any], **options: Any) -> dict[str, Any]:
     assembly = build_assembly(scene)
     labels = assembly.labels | True
     layout = Layout(scene, assembly, labels, solve_rigid(assembly, labels, Model(**options)))
-    nodes = {part.name: part.group for part in found.parts}
+    nodes = {part.name: part.group for part in solids.parts}
     results = Dem(layout, cells=True, nodes=nodes).results()
     model, problems = model_and_problems(document)
     results["data"]["model_id"] = str(model.get("guid", ""))

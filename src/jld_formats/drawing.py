@@ -102,17 +102,17 @@ def _ring(shape: shapely.Polygon) -> Floats:
     return snapping.straight(shapely.get_coordinates(shapely.orient_polygons(shape).exterior)[:-1])
 
 
-def _without(feet: list[shapely.Polygon], whole: shapely.Geometry) -> list[shapely.Polygon]:
+def _without(feet: list[shapely.Polygon], structure: shapely.Geometry) -> list[shapely.Polygon]:
     """Return the largest part of each area that lies outside a structure and outside those before."""
-    found: list[shapely.Polygon] = []
+    areas: list[shapely.Polygon] = []
     for foot in feet:
-        taken = shapely.union_all([whole, *found])
-        if taken.intersection(foot).area > 1e-9 * foot.area:
-            parts = [p for p in shapely.get_parts(foot.difference(taken)) if p.geom_type == "Polygon"]
+        occupied = shapely.union_all([structure, *areas])
+        if occupied.intersection(foot).area > 1e-9 * foot.area:
+            parts = [p for p in shapely.get_parts(foot.difference(occupied)) if p.geom_type == "Polygon"]
             foot = max(parts, key=lambda part: float(part.area), default=shapely.Polygon())
         if not foot.is_empty:
-            found.append(foot)
-    return found
+            areas.append(foot)
+    return areas
 
 
 def _edges(ring: Floats) -> list[tuple[Floats, Floats]]:
@@ -149,7 +149,7 @@ def _lowest_edges(ring: Floats) -> list[tuple[Floats, Floats]]:
     """Return the edge at the lowest corner of either half of a ring (k, 2) that looks down and out."""
     middle = 0.5 * (ring[:, 0].min() + ring[:, 0].max())
     edges = _edges(ring)
-    found: dict[int, tuple[Floats, Floats]] = {}
+    edges_found: dict[int, tuple[Floats, Floats]] = {}
     for side in (-1.0, 1.0):
         half = np.flatnonzero(side * (ring[:, 0] - middle) > 0.0)
         if not len(half):
@@ -158,8 +158,8 @@ def _lowest_edges(ring: Floats) -> list[tuple[Floats, Floats]]:
         pair = [(corner - 1) % len(ring), corner]
         best = max(pair, key=lambda k: float(_normal(*edges[k]) @ (side, -1.0)))
         if float(_normal(*edges[best]) @ (side, -1.0)) > 0.0:
-            found[best] = edges[best]
-    return list(found.values())
+            edges_found[best] = edges[best]
+    return list(edges_found.values())
 
 
 def _skewbacks(corners: Floats, size: float, near: float) -> list[Floats]:
@@ -175,8 +175,8 @@ def _skewbacks(corners: Floats, size: float, near: float) -> list[Floats]:
         return []
     out = _FOOT * size
     return [
-        np.array([[xs, y0], [xt + way * out, y0], [xt + way * out, yt], [xt, yt]])
-        for xs, xt, yt, way in ((x0, x2, y2, -1.0), (x1, x3, y3, 1.0))
+        np.array([[xs, y0], [xt + side * out, y0], [xt + side * out, yt], [xt, yt]])
+        for xs, xt, yt, side in ((x0, x2, y2, -1.0), (x1, x3, y3, 1.0))
     ]
 
 
@@ -233,20 +233,20 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     gaps = find_gaps(chords.points, paths, options, _OPEN * tolerance)
     _note_snapped(snapped, gaps, tolerance, scale, drawn_in, notes)
     try:
-        found = find_cells(paths, snapped, holes, options, size, tolerance, notes)
+        cells_found = find_cells(paths, snapped, holes, options, size, tolerance, notes)
     except NothingEnclosed as error:
         gaps = [gap for gap in find_gaps(chords.points, paths, options, size) if gap.width > tolerance]
         raise _too_wide(error, gaps, size, scale, drawn_in) from None
-    cells = found.cells
-    _support(cells, marks, options, size, tolerance, notes, nested=found.nested, feet=feet, paths=paths)
+    cells = cells_found.cells
+    _support(cells, marks, options, size, tolerance, notes, nested=cells_found.nested, feet=feet, paths=paths)
     _name(cells, marks, options)
     _note_open(gaps, tolerance, scale, drawn_in, notes)
     if LOWEST in options.support:
         notes.found.append(f"supports where the lowest point is: {listed(c.name or '' for c in cells if c.support)}")
     _say_forces([] if drawing.facts else marks, options, notes)
     say_large(cells, notes)
-    say_nested(found.nested, notes)
-    _say_dropped(drawing, found, paths, snapped, read, notes)
+    say_nested(cells_found.nested, notes)
+    _say_dropped(drawing, cells_found, paths, snapped, read, notes)
     document: dict[str, Any] = {"name": drawing.name, "units": {"length": unit, "force": "N"}}
     document |= {key: value for key, value in drawing.facts.items() if key not in ("loads", "elements")}
     keys = drawing.facts.get("elements", {})
@@ -258,16 +258,16 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     reach = max(2.0 * tolerance, 1e-7 * size)
     structure = Structure(cells, float(document["thickness"]), unit, reach)
     document["loads"] = drawn_loads(loads, marks, structure, options, drawing, notes)
-    known = {name for entry in document.get("interfaces", []) for name in entry["elements"]}
-    if not known or not known <= {cell.name for cell in cells}:
+    named = {name for entry in document.get("interfaces", []) for name in entry["elements"]}
+    if not named or not named <= {cell.name for cell in cells}:
         document.pop("interfaces", None)  # of elements that are drawn no more
         document |= _labels(cells, paths, snapped, options, reach, notes)
     free = sum(not cell.support for cell in cells)
     measured = measure(document["elements"])
     if not drawing.facts:
         say_size(measured, unit, drawn_in, notes)
-    counted = f"{several(free, 'element')} and {several(len(cells) - free, 'support')}"
-    notes.found.insert(0, f"{counted}, {in_words(measured, unit)}")
+    counts = f"{several(free, 'element')} and {several(len(cells) - free, 'support')}"
+    notes.found.insert(0, f"{counts}, {in_words(measured, unit)}")
     document = complete(document, options, notes, dimension=2)
     return Imported(document, notes.report(), drawn_in, scale)
 
@@ -286,9 +286,9 @@ def _read_paths(drawing: Drawing, options: ImportOptions, scale: float, notes: N
     loads = [path for path in read if options.role(path.layer) in ("load", "dead")]
     paths = [path for path in read if options.role(path.layer) not in ("load", "dead")]
     if not paths:
-        left = f": all paths are on layers that are not read ({listed(sorted(ignored))})" if ignored else ""
-        wish = "outlines, or a network of lines, to be elements"
-        raise InputError("", f"it holds no closed outline and no line{left}", wish)
+        remark = f": all paths are on layers that are not read ({listed(sorted(ignored))})" if ignored else ""
+        expected = "outlines, or a network of lines, to be elements"
+        raise InputError("", f"it holds no closed outline and no line{remark}", expected)
     if sum(len(path.points) for path in paths) > MOST:
         raise InputError("", "it holds too many corners", f"at most {MOST}")
     return paths, loads
@@ -312,8 +312,8 @@ def _refuse_self_crossing(drawing: Drawing, options: ImportOptions) -> None:
 def _refuse_range(paths: list[Path], loads: list[Path], marks: list[Mark], unit: str) -> None:
     """Raise InputError for a size, or a place of a load, out of range."""
     size = float(max(np.ptp(np.concatenate([path.points[:, :2] for path in paths]), axis=0)))
-    places = [np.array(mark.at) for mark in marks] + [path.points[:, :2] for path in loads]
-    if not all((np.abs(place) <= _MOST_SIZE).all() for place in places):
+    points = [np.array(mark.at) for mark in marks] + [path.points[:, :2] for path in loads]
+    if not all((np.abs(point) <= _MOST_SIZE).all() for point in points):
         raise InputError("", "a point, a text or an arrow lies out of range", f"coordinates up to {_MOST_SIZE:g} m")
     if not _LEAST <= size <= _MOST_SIZE:
         raise InputError("", f"it is {size:g} {unit} large, out of range", f"from {_LEAST:g} to {_MOST_SIZE:g}")
@@ -355,21 +355,21 @@ def _note_snapped(
 ) -> None:
     """Note number and largest displacement of moved corners, closed gaps with their place, and collapsed paths."""
     notes.largest = snapped.largest
-    said = f"tolerance {tolerance / scale:.3g} {drawn_in}"
+    remark = f"tolerance {tolerance / scale:.3g} {drawn_in}"
     if snapped.moved:
         moved = several(snapped.moved, "corner")
-        notes.snapped.append(f"{moved}, by at most {snapped.largest / scale:.3g} {drawn_in}; {said}")
+        notes.snapped.append(f"{moved}, by at most {snapped.largest / scale:.3g} {drawn_in}; {remark}")
     if closed := [gap for gap in gaps if gap.width <= tolerance]:
         notes.snapped.append(f"{several(len(closed), 'gap')} closed, {_widest(closed, scale, drawn_in)}")
-    notes.skip("paths", len(snapped.collapsed), f"nothing left of them within the {said}")
+    notes.skip("paths", len(snapped.collapsed), f"nothing left of them within the {remark}")
 
 
 def _widest(gaps: list[Gap], scale: float, drawn_in: str) -> str:
     """Return width and place of the widest of some gaps, in the unit of the file."""
     widest = max(gaps, key=lambda gap: gap.width)
     x, y = (value / scale for value in widest.at)
-    which = "the widest" if len(gaps) > 1 else "it is"
-    return f"{which} {widest.width / scale:.3g} {drawn_in} wide, at ({x:.6g}, {y:.6g})"
+    lead = "the widest" if len(gaps) > 1 else "it is"
+    return f"{lead} {widest.width / scale:.3g} {drawn_in} wide, at ({x:.6g}, {y:.6g})"
 
 
 def _closing(gaps: list[Gap], scale: float) -> str:
@@ -378,8 +378,8 @@ def _closing(gaps: list[Gap], scale: float) -> str:
 
 def _note_open(gaps: list[Gap], tolerance: float, scale: float, drawn_in: str, notes: Notes) -> None:
     if wide := [gap for gap in gaps if gap.width > tolerance]:
-        said = _widest(wide, scale, drawn_in)
-        notes.doubtful.append(f"{several(len(wide), 'gap')} not closed, {said}: {_closing(wide, scale)} closes it")
+        remark = _widest(wide, scale, drawn_in)
+        notes.doubtful.append(f"{several(len(wide), 'gap')} not closed, {remark}: {_closing(wide, scale)} closes it")
 
 
 def _too_wide(error: InputError, gaps: list[Gap], size: float, scale: float, drawn_in: str) -> InputError:
@@ -387,33 +387,33 @@ def _too_wide(error: InputError, gaps: list[Gap], size: float, scale: float, dra
     if not gaps:
         return error
     small = [gap for gap in gaps if gap.width <= _REACH * size]
-    said = f"its outline is not closed: {several(len(gaps), 'gap')}, {_widest(gaps, scale, drawn_in)}"
+    problem = f"its outline is not closed: {several(len(gaps), 'gap')}, {_widest(gaps, scale, drawn_in)}"
     remedy = "lines whose ends meet" if small != gaps else f"{_closing(gaps, scale)} (in {drawn_in})"
-    return InputError("", said, remedy)
+    return InputError("", problem, remedy)
 
 
 def _say_dropped(
-    drawing: Drawing, found: FoundCells, paths: list[Path], snapped: snapping.Snapped, read: int, notes: Notes
+    drawing: Drawing, cells_found: FoundCells, paths: list[Path], snapped: snapping.Snapped, read: int, notes: Notes
 ) -> None:
     """Note where less than `_SHARE` of the closed area, or of the entities, became structure."""
-    rings = [shapely.Polygon(snapped.paths[k]) for k in found.closed]
-    drawn = shapely.union_all([shapely.make_valid(ring) for ring in rings]).area
-    cells = [shapely.make_valid(shapely.Polygon(cell.points)) for cell in found.cells]
-    kept = shapely.union_all([*cells, found.empty])
-    if drawn and (share := kept.area / drawn) < _SHARE:
+    rings = [shapely.Polygon(snapped.paths[k]) for k in cells_found.closed]
+    area = shapely.union_all([shapely.make_valid(ring) for ring in rings]).area
+    cells = [shapely.make_valid(shapely.Polygon(cell.points)) for cell in cells_found.cells]
+    used = shapely.union_all([*cells, cells_found.empty])
+    if area and (share := used.area / area) < _SHARE:
         notes.doubtful.append(f"only {100 * share:.0f} % of the area of closed outlines became elements or openings")
-    lost = drawing.unread + found.unused + len(snapped.collapsed)
+    lost = drawing.unread + cells_found.unused + len(snapped.collapsed)
     if read + drawing.unread and (share := 1.0 - lost / (read + drawing.unread)) < _SHARE:
         notes.doubtful.append(f"only {100 * share:.0f} % of the entities were read; the others are listed as skipped")
 
 
 def _say_forces(marks: list[Mark], options: ImportOptions, notes: Notes) -> None:
     """Note texts that state forces on layers that are not those of loads."""
-    found: dict[str, list[str]] = {}
+    texts_of_layer: dict[str, list[str]] = {}
     for mark in marks:
         if mark.text and options.role(mark.layer) not in ("load", "dead", "id") and states_force(mark.text):
-            found.setdefault(mark.layer, []).append(mark.text)
-    for layer, texts in sorted(found.items()):
+            texts_of_layer.setdefault(mark.layer, []).append(mark.text)
+    for layer, texts in sorted(texts_of_layer.items()):
         more = f" and {len(texts) - 1} more" if len(texts) > 1 else ""
         notes.doubtful.append(f"the text {texts[0]!r}{more} on layer {layer} states a force: a load? --load {layer!r}")
 
@@ -421,20 +421,20 @@ def _say_forces(marks: list[Mark], options: ImportOptions, notes: Notes) -> None
 def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
     """Name the cells: by a text on a name layer inside, else by the outline, else by number."""
     # The names of `cells` are changed. Of equal names the first one stays, others become numbers.
-    named = [mark for mark in marks if mark.text and options.role(mark.layer) == "id"]
-    if named:
+    name_marks = [mark for mark in marks if mark.text and options.role(mark.layer) == "id"]
+    if name_marks:
         tree = shapely.STRtree([shapely.Polygon(cell.points) for cell in cells])
-        points = shapely.points([mark.at for mark in named])
+        points = shapely.points([mark.at for mark in name_marks])
         for which, cell in zip(*tree.query(points, predicate="intersects").tolist(), strict=True):
-            cells[cell].name = str(named[which].text).strip()
-    drawn, taken, counter = {cell.name for cell in cells}, set[str](), 0
+            cells[cell].name = str(name_marks[which].text).strip()
+    drawn, used, counter = {cell.name for cell in cells}, set[str](), 0
     for cell in cells:
-        if not cell.name or cell.name in taken:
+        if not cell.name or cell.name in used:
             counter += 1
             while f"e{counter}" in drawn:
                 counter += 1
             cell.name = f"e{counter}"
-        taken.add(cell.name)
+        used.add(cell.name)
 
 
 def _support(
@@ -459,16 +459,16 @@ def _support(
     low = min(float(cell.points[:, 1].min()) for cell in cells)
     for k, cell in enumerate(cells):
         cell.support = options.role(cell.layer) == "support" or k in pinned
-    named = any(cell.support for cell in cells)
+    any_named = any(cell.support for cell in cells)
     lowest = [LOWEST in options.support and c.points[:, 1].min() <= low + max(tolerance, 1e-9 * size) for c in cells]
-    within = {id(inner) for inner, _ in nested}
-    alone = all(down or id(cell) in within for cell, down in zip(cells, lowest, strict=True))
-    if LOWEST in options.support and not named and alone:
+    nested_cells = {id(inner) for inner, _ in nested}
+    all_lowest = all(is_lowest or id(cell) in nested_cells for cell, is_lowest in zip(cells, lowest, strict=True))
+    if LOWEST in options.support and not any_named and all_lowest:
         feet = True  # the structure itself is lowest, and stands on something
     elif LOWEST in options.support:
-        for cell, down in zip(cells, lowest, strict=True):
-            cell.support |= down
-    if feet and not any(cell.support for cell in cells) and (not options.support or alone):
+        for cell, is_lowest in zip(cells, lowest, strict=True):
+            cell.support |= is_lowest
+    if feet and not any(cell.support for cell in cells) and (not options.support or all_lowest):
         cells += planar_feet(cells, tolerance, notes)
     lined = sorted({path.layer for path in paths if options.role(path.layer) == "support"})
     check_supports([cell.support for cell in cells], options, lined)
@@ -477,11 +477,13 @@ def _support(
 def check_supports(support: Sequence[bool], options: ImportOptions, lined: Sequence[str] = ()) -> None:
     """Raise InputError where no element is a support, or every element is one; lined: layers of supports with lines."""
     if not any(support) and lined:
-        said = f"no line on layer {listed(lined)} encloses an area"
-        raise InputError("", f"it has no support: {said}", 'closed outlines there, or `support="lowest"`')
+        remark = f"no line on layer {listed(lined)} encloses an area"
+        raise InputError("", f"it has no support: {remark}", 'closed outlines there, or `support="lowest"`')
     if not any(support):
-        given = f"no layer is like {listed(options.support)}" if options.support else "no layer is named for supports"
-        raise InputError("", f"it has no support: {given}", '`support` with the name of a layer, or `support="lowest"`')
+        remark = f"no layer is like {listed(options.support)}" if options.support else "no layer is named for supports"
+        raise InputError(
+            "", f"it has no support: {remark}", '`support` with the name of a layer, or `support="lowest"`'
+        )
     if all(support):
         raise InputError("", "all of its elements are supports", "at least one that is free")
 
@@ -528,8 +530,8 @@ def _labels(
     of_pair: dict[tuple[str, str], list[str]] = {}
     for contact, word in zip(contacts, label.tolist(), strict=True):
         of_pair.setdefault((cells[contact.a].name or "", cells[contact.b].name or ""), []).append(word)
-    counted = ", ".join(f"{int((label == role).sum())} {role}" for role in ("dry", "inner"))
-    notes.found.append(f"labels of {several(int((label != '').sum()), 'face')} by their layers: {counted}")
+    counts = ", ".join(f"{int((label == role).sum())} {role}" for role in ("dry", "inner"))
+    notes.found.append(f"labels of {several(int((label != '').sum()), 'face')} by their layers: {counts}")
     if all(len(set(words)) == 1 for words in of_pair.values()):
         return {
             "labels": {

@@ -107,23 +107,23 @@ def drawn_loads(
     if len(cases) < 2:
         cases = []
     refuse_mixed([(mark.layer, mark.text) for mark in marks if mark.text and mark.layer in (*live, *dead)])
-    shared = loads.of(paths, marks, [layer for layer in live if layer not in cases], "live")
-    found: dict[str, Any] = {"live": shared, "dead": loads.of(paths, marks, dead, "dead")}
+    common = loads.of(paths, marks, [layer for layer in live if layer not in cases], "live")
+    loads_found: dict[str, Any] = {"live": common, "dead": loads.of(paths, marks, dead, "dead")}
     of_case = {layer: loads.of(paths, marks, [layer], f"load case {layer!r}:") for layer in cases}
     of_case = {layer: entries for layer, entries in of_case.items() if entries}
     if of_case:
         notes.found.append(f"load cases by layer: {listed(of_case)}")
-        if shared:
+        if common:
             notes.assumed.append("live forces on layers without a number act in every load case")
-        found["live"] = []
-        found["cases"] = [{"name": layer, "live": entries + shared} for layer, entries in of_case.items()]
+        loads_found["live"] = []
+        loads_found["cases"] = [{"name": layer, "live": entries + common} for layer, entries in of_case.items()]
     stored = drawing.facts.get("loads", {})
-    drawn = bool(found["live"] or found.get("cases"))
+    drawn = bool(loads_found["live"] or loads_found.get("cases"))
     for key in ("live", "dead"):
-        found[key] = found[key] + list(stored.get(key, []))
-    found = {key: value for key, value in found.items() if value}
+        loads_found[key] = loads_found[key] + list(stored.get(key, []))
+    loads_found = {key: value for key, value in loads_found.items() if value}
     # loads drawn anew replace stored cases, paths and directions
-    return found if drawn else {**stored, **found}
+    return loads_found if drawn else {**stored, **loads_found}
 
 
 def _layers(paths: list[Path], marks: list[Mark]) -> list[str]:
@@ -168,10 +168,10 @@ class _Loads:
     def _beside(self, lines: list[Path], texts: list[Mark]) -> dict[int, int]:
         """Return the number of the text of each line, at most its length away; InputError where ambiguous."""
         drawn = shapely.linestrings(np.array([path.points[[0, -1], :2] for path in lines]).reshape(-1, 2, 2))
-        places = shapely.points(np.array([mark.at for mark in texts]).reshape(-1, 2))
-        line, text = shapely.STRtree(places).query(drawn, predicate="dwithin", distance=shapely.length(drawn))
-        away = shapely.distance(drawn[line], places[text])
-        return closest_first(line, text, away, self._structure.reach, [(mark.layer, str(mark.text)) for mark in texts])
+        points = shapely.points(np.array([mark.at for mark in texts]).reshape(-1, 2))
+        line, text = shapely.STRtree(points).query(drawn, predicate="dwithin", distance=shapely.length(drawn))
+        apart = shapely.distance(drawn[line], points[text])
+        return closest_first(line, text, apart, self._structure.reach, [(mark.layer, str(mark.text)) for mark in texts])
 
     def _along(self, path: Path, mark: Mark | None, kind: str) -> list[dict[str, Any]]:
         """Return the entries of a line: a pressure for a load per length or area, else a force."""
@@ -201,22 +201,22 @@ class _Loads:
 
     def _force(self, at: Floats, force: tuple[float, ...], source: str, kind: str) -> list[dict[str, Any]]:
         """Return the load entries of a point force on the nearest free elements, which share it; report it."""
-        away = shapely.distance(self._shapes[self._free], shapely.Point(at))
-        chosen = self._free[away <= away.min() + self._structure.reach].tolist()
+        distance = shapely.distance(self._shapes[self._free], shapely.Point(at))
+        chosen = self._free[distance <= distance.min() + self._structure.reach].tolist()
         names = [str(self._cells[k].name) for k in chosen]
         # adding 0.0 turns a negative zero into zero
         vector, place = ([float(v) + 0.0 for v in values] for values in (force, at))
-        size, where = (", ".join(f"{value:.9g}" for value in values) for values in (vector, place))
+        size, point_text = (", ".join(f"{value:.9g}" for value in values) for values in (vector, place))
         on = f"element {names[0]!r}" if len(names) == 1 else f"elements {listed(names)}, which share it equally,"
-        self._notes.found.append(f"{kind} force ({size}) {self._unit} on {on} at ({where}), {source}")
+        self._notes.found.append(f"{kind} force ({size}) {self._unit} on {on} at ({point_text}), {source}")
         share = [value / len(names) for value in vector]
         return [{"element": name, "force": share, "at": place} for name in names]
 
     def _pressure(self, path: Path, mark: Mark, written: WrittenForce, kind: str) -> dict[str, Any]:
         """Return the noted entry of a load per length or area; InputError for a line along no free edge."""
         size, power = written.per or (1.0, 1)
-        own = units.METRES.get(self._structure.unit, 1.0)
-        pressure = written.values[0] * (own / size) ** power
+        metres = units.METRES.get(self._structure.unit, 1.0)
+        pressure = written.values[0] * (metres / size) ** power
         if power == 1:
             pressure /= self._structure.thickness
         points = path.points[:, :2]

@@ -35,8 +35,8 @@ _PLACE: Final = {"elements", "polygon", "label"}
 
 def document_of(layout: Layout) -> dict[str, Any]:
     """Return the scene of a layout as a JSON document: keys without default values, and means."""
-    found: dict[str, Any] = uncertain.with_means(layout.scene.model_dump(mode="json", exclude_defaults=True))
-    return found
+    document: dict[str, Any] = uncertain.with_means(layout.scene.model_dump(mode="json", exclude_defaults=True))
+    return document
 
 
 def scene_of(layout: Layout, *, interfaces: bool = False) -> dict[str, Any]:
@@ -74,9 +74,11 @@ def facts_of(layout: Layout, *, cells: bool) -> dict[str, Any]:
 
     def carried(loads: dict[str, Any], parsed: scene_loads.Loads | scene_loads.Case) -> dict[str, Any]:
         """Return "live" and "dead" of a load entry, converted for the file."""
-        given = {key: loads[key] for key in ("live", "dead") if loads.get(key)}
-        given = {key: _without_pressures(entries, getattr(parsed, key), layout) for key, entries in given.items()}
-        return {key: [_load(entry, names, layout, lift) for entry in entries] for key, entries in given.items()}
+        stated_loads = {key: loads[key] for key in ("live", "dead") if loads.get(key)}
+        stated_loads = {
+            key: _without_pressures(entries, getattr(parsed, key), layout) for key, entries in stated_loads.items()
+        }
+        return {key: [_load(entry, names, layout, lift) for entry in entries] for key, entries in stated_loads.items()}
 
     loads = layout.scene.loads
     facts["loads"] = carried(document["loads"], loads)
@@ -165,13 +167,13 @@ def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
     layout = layout.drawn_from or layout
     assembly = layout.assembly
     faces, ids = assembly.interfaces, assembly.elements.ids
-    stated = _stated_values(layout.scene)
+    values = _stated_values(layout.scene)
     return [
         {
             "elements": [ids[a], ids[b]],
             "polygon": rounded(polygon, assembly.size),
             "label": "dry" if dry else "inner",
-            **stated.get((ids[a], ids[b], origin.tobytes()), {}),
+            **values.get((ids[a], ids[b], origin.tobytes()), {}),
         }
         for a, b, polygon, origin, dry in zip(faces.a, faces.b, faces.polygon, faces.origin, layout.labels, strict=True)
     ]
@@ -205,15 +207,17 @@ def lost(layout: Layout, kind: str, *, cells: bool = False) -> list[str]:
     document = document_of(layout)
     document.pop("labels", None)  # the labels of the layout are those that count
     inner = int(np.count_nonzero(~layout.labels[: layout.assembly.faces]))
-    stated = dict.fromkeys(_paths(document))
-    kept = [path for path in stated if any(path == key or path.startswith(f"{key}.") for key in kept_keys)]
+    paths = dict.fromkeys(_paths(document))
+    written = [path for path in paths if any(path == key or path.startswith(f"{key}.") for key in kept_keys)]
     lost_keys: dict[str, None] = {}
-    for path in stated:
-        if path not in kept:
+    for path in paths:
+        if path not in written:
             parts = path.split(".")
             heads = [".".join(parts[: k + 1]) for k in range(len(parts))]
             # the highest key of which nothing is kept stands for all below it
-            lost_keys[next(head for head in heads if not any(f"{key}.".startswith(f"{head}.") for key in kept))] = None
+            lost_keys[next(head for head in heads if not any(f"{key}.".startswith(f"{head}.") for key in written))] = (
+                None
+            )
     if inner and state not in form.labels:
         lost_keys[f"labels ({inner} inner face{'s' if inner > 1 else ''})"] = None
     return list(lost_keys)
@@ -222,11 +226,11 @@ def lost(layout: Layout, kind: str, *, cells: bool = False) -> list[str]:
 def _paths(value: Any, head: str = "") -> Iterator[str]:
     """Yield the key of each value of a document, without places in lists: "loads.live.force"."""
     if isinstance(value, dict) and value:
-        for key, one in value.items():
-            yield from _paths(one, f"{head}.{key}" if head else str(key))
+        for key, inner in value.items():
+            yield from _paths(inner, f"{head}.{key}" if head else str(key))
     elif isinstance(value, list) and value and isinstance(value[0], dict):
-        for one in value:
-            yield from _paths(one, head)
+        for inner in value:
+            yield from _paths(inner, head)
     else:
         yield head
 
@@ -252,7 +256,7 @@ class BlockFacts:
 
     def entries(self) -> dict[str, Any]:
         """Return the facts by name, as texts and numbers, without those that are unknown."""
-        found = {
+        entries = {
             "block": self.block,
             "elements": " ".join(self.elements),
             "support": self.support,
@@ -264,7 +268,7 @@ class BlockFacts:
             "dry_faces_to": " ".join(self.dry),
             "inner_faces": self.inner,
         }
-        return {key: value for key, value in found.items() if value is not None}
+        return {key: value for key, value in entries.items() if value is not None}
 
 
 def block_facts(layout: Layout) -> list[BlockFacts]:

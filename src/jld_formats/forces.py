@@ -63,26 +63,26 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
     (3.0, -4.0)
     """
     parts: list[tuple[str, float, bool]] = []
-    place = 0
+    position = 0
     stripped = text.strip()
-    if distributed and (whole := _FORCE.fullmatch(stripped)) and whole["per"] and whole["unit"]:
-        length = _PER.fullmatch(whole["per"])
+    if distributed and (single := _FORCE.fullmatch(stripped)) and single["per"] and single["unit"]:
+        length = _PER.fullmatch(single["per"])
         if length is None or length[1] not in units.METRES:
-            raise _refusal(text, f"no unit of length is named {whole['per'].strip(' /')!r}")
-        _, value, _ = _part(whole, text, unit, distributed=True)
+            raise _refusal(text, f"no unit of length is named {single['per'].strip(' /')!r}")
+        _, value, _ = _part(single, text, unit, distributed=True)
         return WrittenForce(
             (value,), components=False, has_unit=True, per=(units.METRES[length[1]], 2 if length[2] else 1)
         )
-    while place < len(stripped) or not parts:
+    while position < len(stripped) or not parts:
         if parts:
-            gap = _BETWEEN.match(stripped, place)
-            place = gap.end() if gap else place
-        found = _FORCE.match(stripped, place) if not parts or gap else None
-        if found is None:
-            rest = stripped[place:].strip() or "nothing"
-            raise _refusal(text, f"{rest!r} is no part of a force" if parts else "it is no force")
-        parts.append(_part(found, text, unit))
-        place = found.end()
+            gap = _BETWEEN.match(stripped, position)
+            position = gap.end() if gap else position
+        match = _FORCE.match(stripped, position) if not parts or gap else None
+        if match is None:
+            remaining = stripped[position:].strip() or "nothing"
+            raise _refusal(text, f"{remaining!r} is no part of a force" if parts else "it is no force")
+        parts.append(_part(match, text, unit))
+        position = match.end()
     return _join_components(parts, text, dimension)
 
 
@@ -109,49 +109,49 @@ def states_force(text: str) -> bool:
 
 
 def closest_first(
-    lines: Ints, texts: Ints, away: Floats, reach: float, names: Sequence[tuple[str, str]]
+    lines: Ints, texts: Ints, distances: Floats, reach: float, names: Sequence[tuple[str, str]]
 ) -> dict[int, int]:
     """Match lines and texts (k,), closest pair first; InputError where equal distances share a line or text."""
-    order = np.lexsort((texts, lines, away))
-    pairs = list(zip(lines[order].tolist(), texts[order].tolist(), away[order].tolist(), strict=True))
-    found: dict[int, int] = {}
-    taken: set[int] = set()
-    for place, (line, text, distance) in enumerate(pairs):
-        if line in found or text in taken:
+    order = np.lexsort((texts, lines, distances))
+    pairs = list(zip(lines[order].tolist(), texts[order].tolist(), distances[order].tolist(), strict=True))
+    text_of_line: dict[int, int] = {}
+    used: set[int] = set()
+    for position, (line, text, distance) in enumerate(pairs):
+        if line in text_of_line or text in used:
             continue
-        for other, rival, beyond in itertools.islice(pairs, place + 1, None):
+        for other, rival, beyond in itertools.islice(pairs, position + 1, None):
             if beyond > distance + reach:
                 break
-            if (other == line) != (rival == text) and other not in found and rival not in taken:
+            if (other == line) != (rival == text) and other not in text_of_line and rival not in used:
                 layer, words = names[text]
-                rest = "two lines" if rival == text else f"the same line as the text {names[rival][1]!r}"
-                problem = f"the text {words!r} is equally far from {rest}"
+                partner = "two lines" if rival == text else f"the same line as the text {names[rival][1]!r}"
+                problem = f"the text {words!r} is equally far from {partner}"
                 raise InputError(f"layer {layer!r}", problem, "each text nearer to the line that it belongs to")
-        found[line] = text
-        taken.add(text)
-    return found
+        text_of_line[line] = text
+        used.add(text)
+    return text_of_line
 
 
-def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = False) -> tuple[str, float, bool]:
+def _part(match: re.Match[str], text: str, unit: str, *, distributed: bool = False) -> tuple[str, float, bool]:
     """Parse a match of `_FORCE`: name or "", value in `unit`, whether it has a unit."""
-    number, given = found["number"], found["unit"]
-    if found["per"] and not distributed:
-        problem = f"{found['number']} {given or ''}{found['per'].strip()} is a load per length or area"
+    number, unit_name = match["number"], match["unit"]
+    if match["per"] and not distributed:
+        problem = f"{match['number']} {unit_name or ''}{match['per'].strip()} is a load per length or area"
         raise _refusal(text, problem, "a line along the edge that it acts on, or a force")
     if _THOUSANDS.fullmatch(number):
         raise _refusal(text, f"the comma in {number!r} may separate thousands or decimals", "a point for decimals")
     value = float(number.replace(",", "."))
     if not math.isfinite(value):
         raise _refusal(text, "its number is out of range")
-    if given is None:
-        return found["name"] or "", value, False
-    known = _SPELLINGS.get(given, given)
-    if known not in units.NEWTONS:
-        raise _refusal(text, f"no unit of force is named {given!r}")
+    if unit_name is None:
+        return match["name"] or "", value, False
+    name = _SPELLINGS.get(unit_name, unit_name)
+    if name not in units.NEWTONS:
+        raise _refusal(text, f"no unit of force is named {unit_name!r}")
     target = _SPELLINGS.get(unit, unit)
     if target not in units.NEWTONS:
         raise _refusal(text, f"no unit of force is named {unit!r}, that of the scene", "a number alone")
-    return found["name"] or "", value if known == target else value * units.NEWTONS[known] / units.NEWTONS[target], True
+    return (match["name"] or "", value if name == target else value * units.NEWTONS[name] / units.NEWTONS[target], True)
 
 
 def _join_components(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> WrittenForce:
@@ -167,8 +167,8 @@ def _join_components(parts: list[tuple[str, float, bool]], text: str, dimension:
     if any(axes):
         if "" in axes or len(set(axes)) < len(axes):
             raise _refusal(text, "some of its numbers name no component, or the same one")
-        stated = dict(zip(axes, values, strict=True))
-        values = [stated.get(axis, 0.0) for axis in "xyz"[:dimension]]
+        by_axis = dict(zip(axes, values, strict=True))
+        values = [by_axis.get(axis, 0.0) for axis in "xyz"[:dimension]]
     elif len(values) not in (1, dimension):
         raise _refusal(text, f"it has {len(values)} numbers for {dimension} components")
     return WrittenForce(tuple(values), len(values) > 1, parts[0][2])

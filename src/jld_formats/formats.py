@@ -245,22 +245,22 @@ def formats() -> dict[str, Format]:
 
     Raises InputError for one of a package that is no `Format` of its name.
     """
-    found = {one.name: one for one in _OWN}
-    for name, one in plugins.load_all("jld.formats", tuple(found)).items():
-        if not isinstance(one, Format) or one.name != name:
+    by_name = {format_.name: format_ for format_ in _OWN}
+    for name, format_ in plugins.load_all("jld.formats", tuple(by_name)).items():
+        if not isinstance(format_, Format) or format_.name != name:
             raise plugins.refuse_type("jld.formats", name, f"a jld_formats.Format with name = {name!r}")
-        found[name] = one
-    return found
+        by_name[name] = format_
+    return by_name
 
 
 class _Written(Mapping[str, str]):
     """Ending of each format that is written, by its name; packages are asked when it is read."""
 
     def __getitem__(self, name: str) -> str:
-        return {key: one.ending for key, one in formats().items() if one.write is not None}[name]
+        return {key: format_.ending for key, format_ in formats().items() if format_.write is not None}[name]
 
     def __iter__(self) -> Iterator[str]:
-        return (key for key, one in formats().items() if one.write is not None)
+        return (key for key, format_ in formats().items() if format_.write is not None)
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
@@ -272,7 +272,7 @@ FORMATS: Final[Mapping[str, str]] = _Written()
 
 def readers() -> dict[str, Format]:
     """Return the format that reads each file ending, without its dot."""
-    return {ending: one for one in formats().values() if one.read is not None for ending in one.reads}
+    return {ending: format_ for format_ in formats().values() if format_.read is not None for ending in format_.reads}
 
 
 def layout_in_unit(layout: Layout, unit: str) -> Layout:

@@ -120,10 +120,10 @@ def parsing(kind: str, expected: str) -> Iterator[None]:
 def store_result(path: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
     """Write the result of a call, or what it raised, to a file."""
     try:
-        found = function(*arguments)
+        result = function(*arguments)
     except BaseException as error:
-        found = error
-    Path(path).write_bytes(pickle.dumps(found))
+        result = error
+    Path(path).write_bytes(pickle.dumps(result))
 
 
 def in_own_process(
@@ -146,12 +146,12 @@ def in_own_process(
         finally:
             child(None)
         if not made.exists() or not made.stat().st_size:
-            wish = "a file that its program opens and saves again"
-            raise InputError("", "its reader broke down: it is damaged", wish)
-        found = pickle.loads(made.read_bytes())
-    if isinstance(found, BaseException):
-        raise found
-    return found
+            expected = "a file that its program opens and saves again"
+            raise InputError("", "its reader broke down: it is damaged", expected)
+        result = pickle.loads(made.read_bytes())
+    if isinstance(result, BaseException):
+        raise result
+    return result
 
 
 _POLL: Final = 0.1  # time between two looks at a reading process, s
@@ -246,8 +246,8 @@ def import_file(
     if reader.library:
         library(reader.library, path)
     megabytes = path.stat().st_size / 2**20
-    own = sys.platform == "linux" or reader.library or megabytes > _SMALL
-    if not own or multiprocessing.current_process().daemon:  # such a process may have none of its own
+    in_process = sys.platform == "linux" or reader.library or megabytes > _SMALL
+    if not in_process or multiprocessing.current_process().daemon:  # such a process may have none of its own
         with reading(path):
             return _converted(path, options, Notes(), feet)
     seconds = _SECONDS + _SECONDS_PER_MEGABYTE * megabytes if options.seconds is None else options.seconds
@@ -255,13 +255,13 @@ def import_file(
         notes = Notes(told=Path(folder) / "told")
 
         def watch() -> str:
-            what, done, total = notes.last_told()
-            if progress is not None and what:
-                progress(what, done, total)
-            return f", {done} {f'of {total} ' if total else ''}{what} so far" if what else ""
+            subject, done, total = notes.last_told()
+            if progress is not None and subject:
+                progress(subject, done, total)
+            return f", {done} {f'of {total} ' if total else ''}{subject} so far" if subject else ""
 
-        given = (path.absolute(), options, notes, feet)
-        return cast(Imported, in_own_process(_converted, *given, seconds=seconds, watch=watch))
+        arguments = (path.absolute(), options, notes, feet)
+        return cast(Imported, in_own_process(_converted, *arguments, seconds=seconds, watch=watch))
 
 
 _SECONDS: Final = 60.0  # time in which a file must be read, s, beside that for its size
@@ -276,9 +276,9 @@ def _converted(path: Path, options: ImportOptions, notes: Notes, feet: bool) -> 
     read = reader.read
     assert read is not None
     with plugins.guarded("jld.formats", reader.name), without_collection():
-        found = read(path, options, notes)
-        convert = spatial_scene if isinstance(found, Solids) else planar_scene
-        return convert(found, options, notes, feet=feet)  # type: ignore[arg-type]
+        content = read(path, options, notes)
+        convert = spatial_scene if isinstance(content, Solids) else planar_scene
+        return convert(content, options, notes, feet=feet)  # type: ignore[arg-type]
 
 
 @contextmanager
@@ -287,9 +287,9 @@ def reading(path: Path) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        named = error.where.removeprefix(str(path.absolute()))  # its reader may stand in another folder
-        if named != error.where:
-            error = InputError(f"{path}{named}", error.problem, error.expected)
+        where = error.where.removeprefix(str(path.absolute()))  # its reader may stand in another folder
+        if where != error.where:
+            error = InputError(f"{path}{where}", error.problem, error.expected)
         stays = error.parameter or error.where.startswith(str(path))
         raise (error if stays else error.within(str(path))) from error.__cause__
 
@@ -299,7 +299,7 @@ def reader_of(path: Path) -> Format:
     ending = path.suffix.lower().lstrip(".")
     kinds = readers()
     if ending not in kinds:
-        wish = _INSTEAD.get(ending, "one of " + ", ".join(f".{kind}" for kind in kinds))
-        raise InputError(str(path), f"files that end in {path.suffix or 'nothing'!r} are not read", wish)
+        expected = _INSTEAD.get(ending, "one of " + ", ".join(f".{kind}" for kind in kinds))
+        raise InputError(str(path), f"files that end in {path.suffix or 'nothing'!r} are not read", expected)
     readable(path)
     return kinds[ending]

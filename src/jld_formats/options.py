@@ -82,9 +82,9 @@ _ISO_ELEMENT: Final = {
 
 def _pattern(words: str) -> re.Pattern[str]:
     """Return a pattern that finds one of the words of a role in a name whose words are divided by single spaces."""
-    found = (word.removesuffix(".") + (r"\b" if word.endswith(".") else "") for word in words.split())
+    patterns = (word.removesuffix(".") + (r"\b" if word.endswith(".") else "") for word in words.split())
     return re.compile(
-        "|".join(word[1:] if word[0] == "-" else rf"\b{word}" if word.endswith(r"\b") else word for word in found)
+        "|".join(word[1:] if word[0] == "-" else rf"\b{word}" if word.endswith(r"\b") else word for word in patterns)
     )
 
 
@@ -158,8 +158,8 @@ class ImportOptions:
             value = getattr(self, name)
             if value is not None and not (0.0 <= value < float("inf") and (value > 0.0 or name == "tolerance")):
                 least = "at least 0" if name == "tolerance" else "above 0"
-                what = "a number" if name == "seconds" else "a length"
-                raise ParameterError(name, f"{value:g} is wrong", f"{what} {least}")
+                noun = "a number" if name == "seconds" else "a length"
+                raise ParameterError(name, f"{value:g} is wrong", f"{noun} {least}")
         if self.unit is not None and self.unit not in units.METRES:
             raise ParameterError("unit", f"no unit is named {self.unit!r}", "one of " + ", ".join(units.METRES))
 
@@ -193,16 +193,18 @@ class ImportOptions:
 
     def group(self, *names: str) -> str:
         """Return the name of several that decides a role: one that an option names, one with a role, else the first."""
-        said = (name for name in names if name and any(self.matches(one, name) for one in (*LAYER_ROLES, "layer")))
-        known = (name for name in names if name and self.role(name) not in (None, "skip"))
-        return next(said, None) or next(known, None) or next((name for name in names if name), "")
+        by_option = (
+            name for name in names if name and any(self.matches(role, name) for role in (*LAYER_ROLES, "layer"))
+        )
+        by_role = (name for name in names if name and self.role(name) not in (None, "skip"))
+        return next(by_option, None) or next(by_role, None) or next((name for name in names if name), "")
 
     def chosen(self, *names: str) -> bool:
         """Return True if something of these names is read by the options `layer` and `skip`, or has another role."""
         if any(self.matches("skip", name) for name in names):
             return False
-        named = [role for role in LAYER_ROLES if any(self.matches(role, name) for name in names)]
-        return not self.layer or bool(named) or any(self.matches("layer", name) for name in names)
+        roles = [role for role in LAYER_ROLES if any(self.matches(role, name) for name in names)]
+        return not self.layer or bool(roles) or any(self.matches("layer", name) for name in names)
 
 
 def refuse_unknown(options: ImportOptions, names: Iterable[str], what: str) -> None:
@@ -211,8 +213,8 @@ def refuse_unknown(options: ImportOptions, names: Iterable[str], what: str) -> N
     for option in (*LAYER_ROLES, "layer"):
         for pattern in getattr(options, option) if option != "support" else ():
             if not any(fnmatchcase(name.casefold(), pattern.casefold()) for name in present):
-                wish = "one of " + listed([name or "(none)" for name in present], 12)
-                raise ParameterError(option, f"no {what} of the file is like {pattern!r}", wish)
+                expected = "one of " + listed([name or "(none)" for name in present], 12)
+                raise ParameterError(option, f"no {what} of the file is like {pattern!r}", expected)
 
 
 LAYER_ROLES: Final = ("skip", "support", "dry", "inner", "load", "hole")
@@ -302,9 +304,9 @@ def measure(entries: list[dict[str, Any]]) -> Measures:
 
 def in_words(measured: Measures, unit: str) -> str:
     """Return number, sizes and area or volume of what was read, with their unit."""
-    whole, block = (" × ".join(f"{value:.3g}" for value in sides) for sides in (measured.size, measured.block))
+    structure, block = (" × ".join(f"{value:.3g}" for value in sides) for sides in (measured.size, measured.block))
     amount = f"area {measured.amount:.6g} {unit}²" if measured.planar else f"volume {measured.amount:.6g} {unit}³"
-    return f"{amount}; {whole} {unit} in all, a typical element {block} {unit}"
+    return f"{amount}; {structure} {unit} in all, a typical element {block} {unit}"
 
 
 @dataclass(frozen=True)
@@ -460,15 +462,15 @@ def _like(document: dict[str, Any], options: ImportOptions, notes: Notes) -> dic
         return {}
     like: dict[str, Any] = options.like.model_dump(mode="json", exclude_defaults=True)
     theirs = {"length": options.like.units.length, "force": options.like.units.force}
-    own = {"length": "m", "force": "N"} | document.get("units", theirs)
-    if own == theirs:
+    file_units = {"length": "m", "force": "N"} | document.get("units", theirs)
+    if file_units == theirs:
         return like
-    if not all(one["length"] in units.METRES and one["force"] in units.NEWTONS for one in (own, theirs)):
-        said = "its numbers are in {force} and {length}, those of the file in ".format(**theirs)
-        raise ParameterError("like", said + "{force} and {length}".format(**own), "units of known names")
+    if not all(pair["length"] in units.METRES and pair["force"] in units.NEWTONS for pair in (file_units, theirs)):
+        problem = "its numbers are in {force} and {length}, those of the file in ".format(**theirs)
+        raise ParameterError("like", problem + "{force} and {length}".format(**file_units), "units of known names")
     told = "numbers of the scene that it is to be like turned from {force} and {length} to ".format(**theirs)
-    notes.found.append(told + "{force} and {length}".format(**own))
-    return units.in_units(like, own, options.like.dimension)
+    notes.found.append(told + "{force} and {length}".format(**file_units))
+    return units.in_units(like, file_units, options.like.dimension)
 
 
 def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, dimension: int) -> dict[str, Any]:
@@ -480,15 +482,15 @@ def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, 
     if "materials" not in document:
         document["materials"] = like.get("materials", DEFAULT_MATERIALS)
         if not like:
-            known = all("density" in element or element.get("support") for element in document["elements"])
-            density = "" if known else f"density {DEFAULT_MATERIALS['density']:g}, "
+            all_weighed = all("density" in element or element.get("support") for element in document["elements"])
+            density = "" if all_weighed else f"density {DEFAULT_MATERIALS['density']:g}, "
             notes.assumed.append(f"{density}friction 0.6, {DEFAULT_STRENGTHS}: edit materials, or --like SCENE")
     for key in ("search", "units"):
         if key in like and key not in document:
             document[key] = like[key]
     loads, others = document.setdefault("loads", {}), like.get("loads", {})
-    if not loads and (left := [key for key in others if key != "live"]):
-        notes.assumed.append(f"of the scene it is to be like, loads.{', '.join(left)} is not taken over")
+    if not loads and (unused := [key for key in others if key != "live"]):
+        notes.assumed.append(f"of the scene it is to be like, loads.{', '.join(unused)} is not taken over")
     if not loads.get("live") and not loads.keys() & {"cases", "moving", "pushes"}:
         ids = {entry["id"] for entry in document["elements"]}
         fitting = [entry for entry in others.get("live", []) if _fits(entry, ids, dimension)]

@@ -64,14 +64,14 @@ def without_repeats(path: Path, same: float) -> Path:
     # A B C D A B, ends at the start.
     points = path.points
     count = len(points)
-    back = np.hypot(*(points[:, :2] - points[0, :2]).T) <= same
-    for k in np.flatnonzero(back).tolist():
+    at_start = np.hypot(*(points[:, :2] - points[0, :2]).T) <= same
+    for k in np.flatnonzero(at_start).tolist():
         if k > 2 or (k == 2 and points[:2, 2].any()):
-            again = points[:k]
-            onto = again[np.arange(k, count) % k]
-            apart = np.hypot(*(points[k:, :2] - onto[:, :2]).T) > same
-            if not apart[:-1].any() and (not apart[-1] or _between(points[-1], again, count - 1, same)):
-                return Path(again, closed=True, layer=path.layer, name=path.name, holes=path.holes)
+            ring = points[:k]
+            repeated = ring[np.arange(k, count) % k]
+            differs = np.hypot(*(points[k:, :2] - repeated[:, :2]).T) > same
+            if not differs[:-1].any() and (not differs[-1] or _between(points[-1], ring, count - 1, same)):
+                return Path(ring, closed=True, layer=path.layer, name=path.name, holes=path.holes)
     return path
 
 
@@ -121,36 +121,36 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
     for which, arc in zip(circle.tolist(), arcs, strict=True):
         turn = 1.0 if arc.sweep > 0.0 else -1.0
         along = np.mod(turn * (regular[which] - arc.first), 2.0 * np.pi)
-        apart = max(same / arc.radius, 1e-9)
-        kept = np.sort(along[(along > apart) & (along < abs(arc.sweep) - apart)])
-        angles = arc.first + turn * kept
+        least_angle = max(same / arc.radius, 1e-9)
+        divisions = np.sort(along[(along > least_angle) & (along < abs(arc.sweep) - least_angle)])
+        angles = arc.first + turn * divisions
         inside[arc.path, arc.edge] = arc.centre + arc.radius * np.column_stack([np.cos(angles), np.sin(angles)])
-        gaps = np.diff(np.concatenate([[0.0], kept, [abs(arc.sweep)]]))
+        gaps = np.diff(np.concatenate([[0.0], divisions, [abs(arc.sweep)]]))
         deviation = max(deviation, arc.radius * (1.0 - float(np.cos(gaps.max() / 2.0))))
-    found = []
+    chord_points = []
     for number, path in enumerate(paths):
         pieces = []
         for edge, point in enumerate(path.points[:, :2]):
             pieces.append(point[None])
             if (number, edge) in inside:
                 pieces.append(inside[number, edge])
-        found.append(np.concatenate(pieces))
-    return Chords(found, len(arcs), deviation)
+        chord_points.append(np.concatenate(pieces))
+    return Chords(chord_points, len(arcs), deviation)
 
 
 def _add_ends(
     stops: dict[int, list[float]], paths: Sequence[Path], arcs: list[_Arc], circle: Ints, same: float
 ) -> None:
     """Add the angles at which corners of paths lie on a circle: a joint that ends on an arc ends on its chords."""
-    every = np.concatenate([path.points[:, :2] for path in paths])
-    every = every[np.argsort(every[:, 0], kind="stable")]
+    corners = np.concatenate([path.points[:, :2] for path in paths])
+    corners = corners[np.argsort(corners[:, 0], kind="stable")]
     for which, first in zip(*np.unique(circle, return_index=True), strict=True):
         centre, radius = arcs[first].centre, arcs[first].radius
         reach = radius + same
-        low, high = np.searchsorted(every[:, 0], [centre[0] - reach, centre[0] + reach])
-        away = every[low:high] - centre
-        on = away[abs(np.hypot(*away.T) - radius) <= same]
-        stops[int(which)].extend(np.arctan2(on[:, 1], on[:, 0]).tolist())
+        low, high = np.searchsorted(corners[:, 0], [centre[0] - reach, centre[0] + reach])
+        offset = corners[low:high] - centre
+        on_circle = offset[abs(np.hypot(*offset.T) - radius) <= same]
+        stops[int(which)].extend(np.arctan2(on_circle[:, 1], on_circle[:, 0]).tolist())
 
 
 def _step(radius: float, facet: float) -> float:
@@ -161,10 +161,10 @@ def _step(radius: float, facet: float) -> float:
 def _dividing_angles(stops: Floats, radius: float, facet: float, same: float) -> Floats:
     """Return ascending angles (j,) that divide a circle at the ends (k,) of its arcs and between, radians."""
     # The steps between two ends are equal, so that the division has every symmetry of the ends.
-    apart = max(same / radius, 1e-9)
+    least_angle = max(same / radius, 1e-9)
     ends = np.sort(np.mod(stops, 2.0 * np.pi))
-    ends = ends[np.concatenate([[True], np.diff(ends) > apart])]
-    if len(ends) > 1 and ends[0] + 2.0 * np.pi - ends[-1] <= apart:
+    ends = ends[np.concatenate([[True], np.diff(ends) > least_angle])]
+    if len(ends) > 1 and ends[0] + 2.0 * np.pi - ends[-1] <= least_angle:
         ends = ends[:-1]
     step = _step(radius, facet)
     spans = np.append(np.diff(ends), ends[0] + 2.0 * np.pi - ends[-1])

@@ -97,31 +97,31 @@ def problem_facts(
     gravity = {float(group.get("g", _GRAVITY)) for group in groups} or {_GRAVITY}
     if len(gravity) > 1:
         raise InputError(f"problem {problem.get('name')!r}", f"its groups have {len(gravity)} values of g", "one")
-    found: dict[str, Any] = {"materials": {"gravity": gravity.pop(), **_materials(problem, notes)}}
+    facts: dict[str, Any] = {"materials": {"gravity": gravity.pop(), **_materials(problem, notes)}}
     of_node = {part.group: part for part in parts}
-    read = _Groups(of_node, names, found["materials"]["gravity"])
+    groups_read = _Groups(of_node, names, facts["materials"]["gravity"])
     loads: dict[str, Any] = {}
     cases = []
     for number, group in enumerate(groups):
         title = str(group.get("name") or f"case {number + 1}")
-        entries = read.loads(group)
+        entries = groups_read.loads(group)
         if title.casefold().startswith("dead"):
             loads.setdefault("dead", []).extend(entries)
         elif entries:
             cases.append({"name": title, "live": entries})
-        moves = read.moves(group)
+        moves = groups_read.moves(group)
         if moves:
-            found.setdefault("settlements", []).append({"name": title, "supports": moves})
+            facts.setdefault("settlements", []).append({"name": title, "supports": moves})
     if len(cases) == 1:
         loads["live"] = cases[0]["live"]
     elif cases:
         loads["cases"] = cases
     if loads:
-        found["loads"] = loads
+        facts["loads"] = loads
     count = sum(len(case["live"]) for case in cases) + len(loads.get("dead", []))
-    said = f"{several(count, 'load')} in {several(len(cases), 'case')}"
-    notes.found.append(f"problem {problem.get('name') or '(no name)'}: {said}")
-    return found
+    remark = f"{several(count, 'load')} in {several(len(cases), 'case')}"
+    notes.found.append(f"problem {problem.get('name') or '(no name)'}: {remark}")
+    return facts
 
 
 def _materials(problem: dict[str, Any], notes: Notes) -> dict[str, Any]:
@@ -161,11 +161,11 @@ class _Groups:
     def __init__(self, parts: dict[str, Part], names: dict[str, str], gravity: float) -> None:
         self._parts, self._names, self._gravity = parts, names, gravity
 
-    def _node(self, entry: dict[str, Any], what: str) -> str:
+    def _node(self, entry: dict[str, Any], where: str) -> str:
         """Return the node that an entry acts on; raise InputError where no block is there."""
         node = str(entry["block_index"])
         if node not in self._parts:
-            raise InputError(what, f"it acts on block {node}, which is not there", "a node of the model")
+            raise InputError(where, f"it acts on block {node}, which is not there", "a node of the model")
         return node
 
     def loads(self, group: dict[str, Any]) -> list[dict[str, Any]]:
@@ -194,9 +194,9 @@ class _Groups:
             corners = part.vertices[list(part.faces[int(load["face_index"])])]
             # the area of a plane polygon (k, 3) and its centroid
             first = corners[0]
-            whole = area_vector(corners)
-            size = float(np.linalg.norm(whole))
-            parts = 0.5 * np.cross(corners[1:-1] - first, corners[2:] - first) @ (whole / size)
+            area_normal = area_vector(corners)
+            size = float(np.linalg.norm(area_normal))
+            parts = 0.5 * np.cross(corners[1:-1] - first, corners[2:] - first) @ (area_normal / size)
             centres = (first + corners[1:-1] + corners[2:]) / 3.0
             area, middle = float(parts.sum()), (parts @ centres / parts.sum()).tolist()
             force = [area * value for value in _vector(load["load"])]
@@ -205,17 +205,17 @@ class _Groups:
 
     def moves(self, group: dict[str, Any]) -> list[dict[str, Any]]:
         """Return the movements of supports of a group; raise InputError for one of a free block."""
-        found = []
+        moves = []
         for item in group.get("displacements") or []:
             entry = data_of(item)
             part = self._parts[self._node(entry, "displacement")]
             if not part.support:
                 raise InputError("displacement", f"block {part.name!r} is no support", "displacements of supports")
             if "translation" in entry:
-                found.append({"elements": part.name, "move": [float(value or 0.0) for value in entry["translation"]]})
+                moves.append({"elements": part.name, "move": [float(value or 0.0) for value in entry["translation"]]})
             else:
-                found.append({"elements": part.name, "move": [0.0, 0.0, 0.0], "turn": _vector(entry["rotation"])})
-        return found
+                moves.append({"elements": part.name, "move": [0.0, 0.0, 0.0], "turn": _vector(entry["rotation"])})
+        return moves
 
 
 def _vector(values: Any) -> list[float]:
@@ -258,22 +258,24 @@ def solids_of(document: Any, title: str, notes: Notes) -> Solids:
             parts, of_node = _nodes(graph)
         contacts = list(_contacts(graph, of_node))
         facts = data_of(data.get("attributes") or {}).get(FACTS) or {}
-        stated = problem_facts(problems, parts, of_node, notes)
+        of_problem = problem_facts(problems, parts, of_node, notes)
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        wish = "an assembly of blocks, a block model, or a list of meshes"
+        expected = "an assembly of blocks, a block model, or a list of meshes"
         raise InputError(
-            "", "it is no COMPAS assembly: something of its blocks is missing or of another form", wish
+            "", "it is no COMPAS assembly: something of its blocks is missing or of another form", expected
         ) from error
     kind = model.get("dtype", "?") if isinstance(model, dict) else "?"
     notes.found.append(f"{kind} of {len(parts)} blocks")
     name = str(facts.get("name") or (data.get("attributes") or {}).get("name") or data.get("name") or title)
     if facts.get("interfaces"):
         contacts = []
-    keys = stated | {key: value for key, value in facts.items() if key in STORED - {"name", "elements", "thickness"}}
-    if "materials" in stated and (known := {part.keys["density"] for part in parts if "density" in part.keys}):
-        keys["materials"]["density"] = max(known)
+    keys = of_problem | {
+        key: value for key, value in facts.items() if key in STORED - {"name", "elements", "thickness"}
+    }
+    if "materials" in of_problem and (densities := {part.keys["density"] for part in parts if "density" in part.keys}):
+        keys["materials"]["density"] = max(densities)
     return Solids(parts, contacts, keys, name)
 
 
@@ -312,8 +314,8 @@ def _elements(model: dict[str, Any], graph: dict[str, Any]) -> tuple[list[Part],
     for number, (guid, element) in enumerate(_by_guid(model["elements"])):
         data = data_of(element)
         key = node_of.get(guid, str(number))
-        stated = str(data.get("name") or "")
-        names[key] = stated if stated and stated not in _UNNAMED else f"b{key}"
+        name = str(data.get("name") or "")
+        names[key] = name if name and name not in _UNNAMED else f"b{key}"
         density = materials.get(str(data.get("material") or of_element.get(guid)), {}).get("density")
         keys = {} if density is None else {"density": float(density)}
         move = data.get("transformation")

@@ -71,7 +71,7 @@ def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Soli
 
 def _refuse_large_blocks(document: Any, space: Any) -> None:
     """Raise InputError if nested blocks hold too many entities; count them without expanding."""
-    known: dict[str, int] = {}
+    amount_of: dict[str, int] = {}
     open_blocks: list[str] = []
 
     def amount(layout: Any, depth: int) -> int:
@@ -86,11 +86,11 @@ def _refuse_large_blocks(document: Any, space: Any) -> None:
             copies = max(1, int(entity.dxf.get("row_count", 1))) * max(1, int(entity.dxf.get("column_count", 1)))
             if name in open_blocks:
                 raise InputError(f"block {name!r}", "it stands inside itself", "blocks within blocks without a circle")
-            if name not in known:
+            if name not in amount_of:
                 open_blocks.append(name)
-                known[name] = amount(document.blocks.get(name), depth + 1) if name in document.blocks else 0
+                amount_of[name] = amount(document.blocks.get(name), depth + 1) if name in document.blocks else 0
                 open_blocks.pop()
-            total += copies * (1 + known[name])
+            total += copies * (1 + amount_of[name])
             if total > MOST:
                 break
         return total
@@ -118,8 +118,8 @@ class _Reader:
         lost = 0  # entities not read that may be part of the structure
         for (kind, layer), count in sorted(self.unread.items()):
             lost += count * (kind not in _BESIDE and self.options.role(layer) != "skip")
-            what = f"{kind} entities on layer {layer}"
-            self.notes.skip(what, count, "no outline, line, arc, text or point in the plane")
+            words = f"{kind} entities on layer {layer}"
+            self.notes.skip(words, count, "no outline, line, arc, text or point in the plane")
         for layer, count in sorted(self.hidden.items()):
             self.notes.skip(f"entities on layer {layer}", count, "it is off or frozen")
         for layer, count in sorted(self.axes.items()):
@@ -147,15 +147,15 @@ class _Reader:
         text = "".join(value for key, value in parts if key[: len(FACTS)] == FACTS and key[len(FACTS) :].isdigit())
         if not text:
             return {}
-        found = json.loads(text)
-        if not isinstance(found, dict):
+        facts = json.loads(text)
+        if not isinstance(facts, dict):
             raise InputError(FACTS, "the property holds no JSON object", "what jld export wrote")
-        return {key: value for key, value in found.items() if key in STORED}
+        return {key: value for key, value in facts.items() if key in STORED}
 
     def _read(self, entity: Any, layer: str | None, depth: int) -> None:
         """Read one entity; count it as unread if there is no reader or nothing usable in it."""
-        own = str(entity.dxf.get("layer", "0"))
-        layer = layer if layer is not None and own == "0" else own
+        own_layer = str(entity.dxf.get("layer", "0"))
+        layer = layer if layer is not None and own_layer == "0" else own_layer
         kind = entity.dxftype()
         off, frozen = self._switched(layer)
         if frozen or entity.dxf.get("invisible", 0) or (off and kind != "INSERT"):
@@ -182,8 +182,8 @@ class _Reader:
         """Return whether a layer is off, and whether frozen: inside a block, only frozen hides other layers."""
         if layer not in self.document.layers:
             return False, False
-        found = self.document.layers.get(layer)
-        return bool(found.is_off()), bool(found.is_frozen())
+        found_layer = self.document.layers.get(layer)
+        return bool(found_layer.is_off()), bool(found_layer.is_frozen())
 
     def _insert(self, entity: Any, layer: str, depth: int) -> None:
         """Read a block reference: as a mark on a load layer, else by the entities of its block."""
@@ -301,13 +301,13 @@ class _Reader:
 
     def _region(self, entity: Any, layer: str) -> bool:
         """Read the plane faces of a region, of straight edges, as closed paths; return False if there are none."""
-        found = False
+        any_read = False
         for body in import_module("ezdxf.acis.api").load_dxf(entity):
             for mesh in import_module("ezdxf.acis.api").mesh_from_body(body):
                 for face in mesh.faces:
                     corners = [mesh.vertices[index] for index in face]
-                    found |= self._add([(p.x, p.y, 0.0) for p in corners], layer, closed=True)
-        return found
+                    any_read |= self._add([(p.x, p.y, 0.0) for p in corners], layer, closed=True)
+        return any_read
 
     def _mesh(self, entity: Any, layer: str) -> bool:
         """Read a mesh as a solid; return False without faces or with a wrong vertex number."""
@@ -416,9 +416,9 @@ def _rings(pieces: list[Any]) -> list[Any]:
             free[k] = False
             ring[-1] = ring[-1][:-1]
             ring.append(_backwards(pieces[k]) if end else pieces[k])
-        whole = np.concatenate(ring)
-        open_ = np.hypot(*(whole[0] - whole[-1])[:2]) > _OPEN * size
-        rings.append(None if open_ or len(whole) < 3 else whole[:-1])
+        corners = np.concatenate(ring)
+        open_ = np.hypot(*(corners[0] - corners[-1])[:2]) > _OPEN * size
+        rings.append(None if open_ or len(corners) < 3 else corners[:-1])
     return rings
 
 
@@ -438,13 +438,13 @@ def _areas(rings: list[Any], style: int) -> list[tuple[Any, list[Any]]]:
         if shapes[j].area > shapes[k].area:
             around[k].append(j)
             within[j].append(k)
-    found = []
+    areas = []
     for k, outer in enumerate(around):
         if len(outer) % 2 or (style and outer):
             continue
         holes = [j for j in sorted(within[k]) if len(around[j]) == len(outer) + 1]
-        found.append((rings[k], [] if style == 2 else [rings[j] for j in holes]))
-    return found
+        areas.append((rings[k], [] if style == 2 else [rings[j] for j in holes]))
+    return areas
 
 
 def _side(entity: Any) -> int:

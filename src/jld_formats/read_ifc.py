@@ -36,29 +36,29 @@ class Densities:
         units = [unit for assignment in model.by_type("IfcUnitAssignment") for unit in assignment.Units]
         density = [unit for unit in units if getattr(unit, "UnitType", None) == "MASSDENSITYUNIT"]
         self._scale = _scale(density[0]) if density else 1.0
-        self._older: dict[int, float] = {}
+        self._of_material: dict[int, float] = {}
         if model.schema == "IFC2X3":
-            for one in model.by_type("IfcGeneralMaterialProperties"):
-                if one.MassDensity is not None:
-                    self._older[one.Material.id()] = self._scale * float(one.MassDensity)
+            for properties in model.by_type("IfcGeneralMaterialProperties"):
+                if properties.MassDensity is not None:
+                    self._of_material[properties.Material.id()] = self._scale * float(properties.MassDensity)
 
     def of(self, product: Any, title: str) -> float | None:
         """Return the density of a product, kg/m³; None where its materials state none, or several."""
-        found = {value for material in self._materials_of(product) for value in self._stated(material)}
-        for value in found:
+        densities = {value for material in self._materials_of(product) for value in self._densities(material)}
+        for value in densities:
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError(title, f"the mass density of its material is {value:g}", "a positive number")
-        return found.pop() if len(found) == 1 else None
+        return densities.pop() if len(densities) == 1 else None
 
-    def _stated(self, material: Any) -> Iterator[float]:
+    def _densities(self, material: Any) -> Iterator[float]:
         """Yield the densities of a material, kg/m³: from IFC2x3's general properties, then from property sets."""
-        if material.id() in self._older:
-            yield self._older[material.id()]
+        if material.id() in self._of_material:
+            yield self._of_material[material.id()]
         for properties in getattr(material, "HasProperties", None) or ():
-            for one in getattr(properties, "Properties", None) or ():
-                value = getattr(one, "NominalValue", None)
-                if one.Name == DENSITY and value is not None:
-                    yield (_scale(one.Unit) if one.Unit is not None else self._scale) * float(value.wrappedValue)
+            for entry in getattr(properties, "Properties", None) or ():
+                value = getattr(entry, "NominalValue", None)
+                if entry.Name == DENSITY and value is not None:
+                    yield (_scale(entry.Unit) if entry.Unit is not None else self._scale) * float(value.wrappedValue)
 
 
 def _scale(unit: Any) -> float:
@@ -102,8 +102,8 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
         densities = Densities(model)
         parts: list[Part] = []
         empty = unfolded = 0
-        known: dict[int, int] = {}
-        counted: Counter[str] = Counter()
+        unfolded_of: dict[int, int] = {}
+        product_kinds: Counter[str] = Counter()
         for position, product in enumerate(products):
             notes.reached("products", position, len(products))
             if product.is_a("IfcOpeningElement") or product.is_a("IfcSpatialElement"):
@@ -117,13 +117,13 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
             if not items:
                 empty += 1
                 continue
-            unfolded += sum(_count_unfolded(item, known) for item in items)
+            unfolded += sum(_count_unfolded(item, unfolded_of) for item in items)
             if unfolded > _MOST_SOLIDS:
                 raise InputError(title, f"mapped items unfold into {unfolded:.3g} solids", f"at most {_MOST_SOLIDS}")
             if getattr(product, "HasOpenings", None) or not all(_is_simple(item) for item in items):
                 solids = _by_kernel(product, items, title)
-                counted["by the geometry kernel"] += 1
-                counted["with arcs as chords"] += any(_arcs(item) for item in items)
+                product_kinds["by the geometry kernel"] += 1
+                product_kinds["with arcs as chords"] += any(_arcs(item) for item in items)
             else:
                 solids = [(scale * _moved(v, matrix), faces) for item in items for v, faces in _solids(item, title)]
             group = _group(product, options)
@@ -134,7 +134,7 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
                 part_title = name if len(solids) == 1 else f"{name}.{number}"
                 parts.append(Part(part_title, group, points, faces, keys=keys))
     notes.found.append(f"{several(len(parts), 'solid')} of {several(len(products) - empty, 'product')}")
-    notes.found += [f"{several(count, 'product')} {how}" for how, count in counted.items() if count]
+    notes.found += [f"{several(count, 'product')} {how}" for how, count in product_kinds.items() if count]
     notes.skip("products", empty, "spaces, openings, or no body")
     unit = next((name for name, size in scene_units.METRES.items() if abs(size - scale) <= 1e-9 * size), f"{scale:g} m")
     if unit != "m":
@@ -150,8 +150,8 @@ def _group(product: Any, options: ImportOptions) -> str:
         for layer in getattr(shape, "LayerAssignments", ())
     ]
     kind = str(product.is_a())
-    found = options.group(*layers, str(getattr(product, "ObjectType", None) or ""), kind, str(product.Name or ""))
-    return found if options.role(found) or found == kind or options.matches("layer", found) else kind
+    group = options.group(*layers, str(getattr(product, "ObjectType", None) or ""), kind, str(product.Name or ""))
+    return group if options.role(group) or group == kind or options.matches("layer", group) else kind
 
 
 def _moved(points: Floats, matrix: Floats) -> Floats:
@@ -164,13 +164,13 @@ def _shapes(product: Any) -> list[Any]:
 
 def _parts_of(item: Any) -> Iterator[Any]:
     """Yield an item and all that it is made of, each once."""
-    seen = set()
+    visited = set()
     pending = [item]
     while pending:
         part = pending.pop()
-        if part.id() and part.id() in seen:
+        if part.id() and part.id() in visited:
             continue
-        seen.add(part.id())
+        visited.add(part.id())
         yield part
         for value in part:
             pending += [
@@ -182,8 +182,8 @@ def _parts_of(item: Any) -> Iterator[Any]:
 
 def _nested(value: Any) -> Iterator[Any]:
     if isinstance(value, tuple):
-        for one in value:
-            yield from _nested(one)
+        for entry in value:
+            yield from _nested(entry)
     else:
         yield value
 
@@ -213,8 +213,8 @@ def _by_kernel(product: Any, items: list[Any], title: str) -> list[tuple[Floats,
         if opening.Representation is not None:
             owners.append((f"an opening of {title}", [item for shape in _shapes(opening) for item in shape.Items]))
     cuts = len(owners) - 1
-    for words, own in owners:
-        for part in (part for item in own for part in _parts_of(item)):
+    for words, items_of_owner in owners:
+        for part in (part for item in items_of_owner for part in _parts_of(item)):
             cuts += part.is_a("IfcBooleanResult")
             if part.is_a().startswith(_CURVED):
                 raise _refused(part, words)
@@ -224,14 +224,14 @@ def _by_kernel(product: Any, items: list[Any], title: str) -> list[tuple[Floats,
     settings = geometry.settings()
     settings.set("use-world-coords", True)
     try:
-        found = geometry.create_shape(settings, product).geometry
+        geometry_found = geometry.create_shape(settings, product).geometry
     except RuntimeError:
         raise InputError(title, "its shape cannot be computed", "a valid solid") from None
-    points = np.array(found.verts, dtype=float).reshape(-1, 3)
+    points = np.array(geometry_found.verts, dtype=float).reshape(-1, 3)
     if not len(points):
         raise InputError(title, "its openings leave nothing of it", "openings smaller than the product")
-    triangles = [(int(a), int(b), int(c)) for a, b, c in np.array(found.faces).reshape(-1, 3)]
-    owner = np.array(found.item_ids)
+    triangles = [(int(a), int(b), int(c)) for a, b, c in np.array(geometry_found.faces).reshape(-1, 3)]
+    owner = np.array(geometry_found.item_ids)
     solids = []
     for item in dict.fromkeys(owner.tolist()):
         faces = tuple(triangles[k] for k in np.flatnonzero(owner == item).tolist())
@@ -241,18 +241,18 @@ def _by_kernel(product: Any, items: list[Any], title: str) -> list[tuple[Floats,
 
 
 def _refused(item: Any, title: str) -> InputError:
-    wish = "plane faces: faceted or extruded solids, clipped by planes or solids"
-    return InputError(title, f"its shape is {item.is_a()}", wish)
+    expected = "plane faces: faceted or extruded solids, clipped by planes or solids"
+    return InputError(title, f"its shape is {item.is_a()}", expected)
 
 
-def _count_unfolded(item: Any, known: dict[int, int]) -> int:
+def _count_unfolded(item: Any, counts: dict[int, int]) -> int:
     """Return the number of solids that an item unfolds into, by its mapped items."""
     if not item.is_a("IfcMappedItem"):
         return 1
-    if item.id() not in known:
+    if item.id() not in counts:
         parts = item.MappingSource.MappedRepresentation.Items
-        known[item.id()] = sum(_count_unfolded(part, known) for part in parts)
-    return known[item.id()]
+        counts[item.id()] = sum(_count_unfolded(part, counts) for part in parts)
+    return counts[item.id()]
 
 
 def _solids(item: Any, title: str) -> list[tuple[Floats, Faces]]:
@@ -294,8 +294,8 @@ def _of_face_set(item: Any, title: str) -> tuple[Floats, Faces]:
     points = np.array(item.Coordinates.CoordList, dtype=float)
     if item.is_a("IfcTriangulatedFaceSet"):
         return points, tuple(tuple(int(k) - 1 for k in loop) for loop in item.CoordIndex)
-    named = [(face.CoordIndex, *(getattr(face, "InnerCoordIndices", None) or ())) for face in item.Faces]
-    bounds = [[tuple(int(k) - 1 for k in loop) for loop in loops] for loops in named]
+    loops_of_faces = [(face.CoordIndex, *(getattr(face, "InnerCoordIndices", None) or ())) for face in item.Faces]
+    bounds = [[tuple(int(k) - 1 for k in loop) for loop in loops] for loops in loops_of_faces]
     for loop in (loop for loops in bounds for loop in loops):
         if min(loop) < 0 or max(loop) >= len(points):
             raise InputError(title, f"a face names vertex {max(loop) + 1}", f"1 to {len(points)}")

@@ -50,9 +50,9 @@ def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
     ]
     if not parts:
         raise InputError("", "it holds no faces", "closed surfaces, one for each block")
-    said = re.findall(rb"(?m)^comment block \d+ (.*?)\r?$", data) if kind == "ply" else []
-    if len(said) == len(parts):  # names written by jld
-        words = [word.decode("utf-8", "replace") for word in said]
+    comments = re.findall(rb"(?m)^comment block \d+ (.*?)\r?$", data) if kind == "ply" else []
+    if len(comments) == len(parts):  # names written by jld
+        words = [word.decode("utf-8", "replace") for word in comments]
         parts = [Part(word, word, part.vertices, part.faces) for word, part in zip(words, parts, strict=True)]
     notes.found.append(f"{len(groups)} groups" if len(groups) > 1 else "one group, by closed part")
     return Solids(parts, name=path.stem)
@@ -61,9 +61,9 @@ def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
 def _without_repeats(faces: Faces, notes: Notes) -> Faces:
     """Return faces without corners named twice in a row, and without those that then enclose no area."""
     short = [tuple(snapping.without_spikes(loop, closed=True)) for loop in faces]
-    kept = tuple(loop for loop in short if len(loop) > 2)
-    notes.skip("faces", len(short) - len(kept), "they name a corner twice and enclose no area")
-    return kept
+    faces_kept = tuple(loop for loop in short if len(loop) > 2)
+    notes.skip("faces", len(short) - len(faces_kept), "they name a corner twice and enclose no area")
+    return faces_kept
 
 
 def _parts(name: str, layer: str, points: Floats, faces: Faces) -> list[Part]:
@@ -87,15 +87,15 @@ def _parts(name: str, layer: str, points: Floats, faces: Faces) -> list[Part]:
 
 def _cells(mesh: Any) -> list[tuple[int, ...]]:
     """Return the triangles, quadrilaterals and polygons of a meshio mesh, in file order."""
-    kept = [block.data.tolist() for block in mesh.cells if block.type in ("triangle", "quad", "polygon")]
-    return [tuple(loop) for loops in kept for loop in loops]
+    loops_of_blocks = [block.data.tolist() for block in mesh.cells if block.type in ("triangle", "quad", "polygon")]
+    return [tuple(loop) for loops in loops_of_blocks for loop in loops]
 
 
 def _obj(text: str, options: ImportOptions, notes: Notes) -> tuple[Floats, list[tuple[str, str, Faces]]]:
     """Read points (n, 3), and name, layer and faces of each group of an OBJ text; InputError names the line."""
     points: list[tuple[float, float, float]] = []
     faces: dict[tuple[str, str], list[tuple[int, ...]]] = {}
-    at = {"o": "", "g": ""}
+    name_of = {"o": "", "g": ""}
     lines = enumerate(text.splitlines(), 1)
     for number, line in lines:
         notes.reached("lines", number)
@@ -111,12 +111,14 @@ def _obj(text: str, options: ImportOptions, notes: Notes) -> tuple[Floats, list[
                 loop = tuple(c - 1 if c > 0 else len(points) + c for c in corners)
                 if len(loop) < 3 or 0 in corners or min(loop) < 0:
                     raise ValueError
-                faces.setdefault((at["o"], at["g"]), []).append(loop)
-            elif key in at:
-                at[key] = " ".join(words)
+                faces.setdefault((name_of["o"], name_of["g"]), []).append(loop)
+            elif key in name_of:
+                name_of[key] = " ".join(words)
         except ValueError:
-            what, wish = ("vertex", "three numbers") if key == "v" else ("face", "at least three numbers of vertices")
-            raise InputError(f"line {number}", f"{' '.join(words)[:40]!r} is no {what}", wish) from None
+            noun, expected = (
+                ("vertex", "three numbers") if key == "v" else ("face", "at least three numbers of vertices")
+            )
+            raise InputError(f"line {number}", f"{' '.join(words)[:40]!r} is no {noun}", expected) from None
     # one object around all groups is the model; else objects are the blocks and groups their layers
     several_objects = len({o for o, _ in faces}) > 1
     return np.array(points, dtype=float).reshape(-1, 3), [
@@ -144,10 +146,10 @@ def _stl(data: bytes) -> tuple[Floats, list[tuple[str, str, Faces]]]:
     ends = [*(start for start, _ in heads[1:]), len(text)]
     corner = re.compile(r"(?i)\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
     words = [corner.findall(text[a:b]) for (a, _), b in zip(heads, ends, strict=True)]
-    whole = 3 * text.lower().count("endfacet")
-    if sum(map(len, words)) != whole:
+    corners_expected = 3 * text.lower().count("endfacet")
+    if sum(map(len, words)) != corners_expected:
         raise InputError(
-            "", f"it holds {sum(map(len, words))} corners and {whole // 3} whole triangles", "a whole file"
+            "", f"it holds {sum(map(len, words))} corners and {corners_expected // 3} whole triangles", "a whole file"
         )
     stops = [0, *accumulate(map(len, words))]
     points = np.array([corner for solid in words for corner in solid], dtype=float).reshape(-1, 3)
@@ -297,8 +299,8 @@ def read_csv(path: File, options: ImportOptions, notes: Notes) -> Drawing:
     missing = [name for name in ("id", "x", "y") if name not in head]
     unknown = [name for name in head if name not in _COLUMNS]
     if missing or unknown:
-        what = f"no column {missing[0]!r}" if missing else f"an unknown column {unknown[0]!r}"
-        raise InputError("line 1", what, "columns id, x, y, and if wanted layer and support")
+        fault = f"no column {missing[0]!r}" if missing else f"an unknown column {unknown[0]!r}"
+        raise InputError("line 1", fault, "columns id, x, y, and if wanted layer and support")
     corners: dict[str, list[tuple[float, float]]] = {}
     layers: dict[str, str] = {}
     signs: set[str] = set()  # decimal signs so far
@@ -327,10 +329,10 @@ def read_csv(path: File, options: ImportOptions, notes: Notes) -> Drawing:
         if not np.isfinite(point).all():
             raise InputError(f"line {number}", "it holds a coordinate that is no number", "finite numbers only")
         corners.setdefault(entry["id"], []).append(point)
-        held = entry.get("support", "").casefold()
-        if held not in (*_TRUE, *_FALSE):
+        support = entry.get("support", "").casefold()
+        if support not in (*_TRUE, *_FALSE):
             raise InputError(f"line {number}", f"support is {entry['support']!r}", "yes or no")
-        layer = "support" if held in _TRUE else entry.get("layer", "")
+        layer = "support" if support in _TRUE else entry.get("layer", "")
         layers[entry["id"]] = layer or layers.get(entry["id"], "")
     paths = []
     for name, points in corners.items():

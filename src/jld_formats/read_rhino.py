@@ -112,22 +112,24 @@ class _Reader:
         self._unread: Counter[tuple[str, str]] = Counter()
         self._hidden: Counter[str] = Counter()
 
-    def _count_unfolded(self, item: Any, known: dict[str, int], depth: int = 0) -> int:
-        """Return how many objects an object holds; known: those of definitions. Raises InputError for deep nesting."""
+    def _count_unfolded(self, item: Any, amount_of: dict[str, int], depth: int = 0) -> int:
+        """Return how many objects an object holds; amount_of: in definitions. InputError for deep nesting."""
         if type(item.Geometry).__name__ != "InstanceReference":
             return 1
         if depth >= _DEPTH:
             raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels, none inside itself")
         key = str(item.Geometry.ParentIdefId)
-        if key not in known:
+        if key not in amount_of:
             definition = self._model.InstanceDefinitions.FindId(item.Geometry.ParentIdefId)
-            own = (
+            objects = (
                 [self._by_id.get(str(object_id)) for object_id in definition.GetObjectIds()]
                 if definition is not None
                 else []
             )
-            known[key] = 1 + sum(self._count_unfolded(one, known, depth + 1) for one in own if one is not None)
-        return known[key]
+            amount_of[key] = 1 + sum(
+                self._count_unfolded(part, amount_of, depth + 1) for part in objects if part is not None
+            )
+        return amount_of[key]
 
     def content(self, title: str) -> Drawing | Solids:
         unfolded: dict[str, int] = {}
@@ -174,10 +176,10 @@ class _Reader:
         stored = dict(strings[k] for k in range(len(strings)))
         if FACTS not in stored:
             return {}
-        found = json.loads(stored[FACTS])
-        if not isinstance(found, dict):
+        facts = json.loads(stored[FACTS])
+        if not isinstance(facts, dict):
             raise InputError(FACTS, "the user text holds no JSON object", "what jld export wrote")
-        return {key: value for key, value in found.items() if key in STORED}
+        return {key: value for key, value in facts.items() if key in STORED}
 
     def _layer(self, index: int, parent: str | None) -> tuple[str, bool]:
         """Return the name of an object's layer, in a path the last with a role, and whether it is shown."""
@@ -185,9 +187,9 @@ class _Reader:
         if layer is None:
             return parent or "", True
         names = [name for name in str(layer.FullPath).split("::") if name] or [str(layer.Name)]
-        known = [name for name in reversed(names) if self._options.role(name)]
-        own = known[0] if known else names[-1]
-        return (parent if parent is not None and not known else own), bool(layer.Visible)
+        with_role = [name for name in reversed(names) if self._options.role(name)]
+        chosen = with_role[0] if with_role else names[-1]
+        return (parent if parent is not None and not with_role else chosen), bool(layer.Visible)
 
     def _read(self, item: Any, parent: str | None, moves: list[Any]) -> None:
         """Read one object: a solid, a mark, a curve or the objects of an instance."""
@@ -236,8 +238,8 @@ class _Reader:
     def _points(self, curve: Any) -> Floats:
         """Return the corners (k, 3) of a curve, with chords within the facet tolerance."""
         if isinstance(curve, self._rhino.PolylineCurve):
-            found = [curve.Point(k) for k in range(curve.PointCount)]
-            return np.array([(p.X, p.Y, p.Z) for p in found])
+            corners = [curve.Point(k) for k in range(curve.PointCount)]
+            return np.array([(p.X, p.Y, p.Z) for p in corners])
         if isinstance(curve, self._rhino.PolyCurve):
             pieces = [self._points(curve.SegmentCurve(k)) for k in range(curve.SegmentCount)]
             return np.concatenate([pieces[0], *(piece[1:] for piece in pieces[1:])])
@@ -282,20 +284,20 @@ class _Reader:
 
 def _force(texts: dict[str, str]) -> str:
     """Return the force stated by user text, as text for `parse_force`; "" without one."""
-    stated = [texts[key] for key in _FORCE if key in texts]
+    forces = [texts[key] for key in _FORCE if key in texts]
     parts = [f"{key} = {texts[key]}" for key in ("fx", "fy", "fz") if key in texts]
-    return stated[0] if stated else "; ".join(parts)
+    return forces[0] if forces else "; ".join(parts)
 
 
 def _element_keys(texts: dict[str, str], title: str) -> dict[str, Any]:
     """Return density and block of an element from the user text of its object."""
     # The block is left out where the text lists exactly one element.
-    found: dict[str, Any] = {}
+    keys: dict[str, Any] = {}
     if texts.get("block") and len(texts.get("elements", "").split()) != 1:
-        found["block"] = texts["block"]
+        keys["block"] = texts["block"]
     if "density" in texts:
         try:
-            found["density"] = float(texts["density"])
+            keys["density"] = float(texts["density"])
         except ValueError:
             raise InputError(title, f"its density {texts['density']!r} is no number", "kg/m³") from None
-    return found
+    return keys

@@ -73,9 +73,9 @@ class _File:
 
     def _read(self, text: str) -> Iterator[str]:
         begin = re.search(r"\bDATA\s*(\([^;]*\))?\s*;", text)
-        for found in _TOKEN.finditer(text, begin.end() if begin else len(text)):
-            if found.lastgroup:
-                yield found[found.lastgroup]
+        for match in _TOKEN.finditer(text, begin.end() if begin else len(text)):
+            if match.lastgroup:
+                yield match[match.lastgroup]
 
     def _next(self, expected: str = "") -> None:
         """Go to the next token; raise InputError where it is another than expected."""
@@ -98,7 +98,7 @@ class _File:
         return kind, self._values()
 
     def _values(self) -> list[Any]:
-        found: list[Any] = []
+        values: list[Any] = []
         self._next()
         while self._token not in (")", ""):
             token = self._token
@@ -106,20 +106,20 @@ class _File:
                 self._next()
                 continue
             if token == "(":
-                found.append(self._values())
+                values.append(self._values())
             elif token[0] == "'":
-                found.append(_plain(token))
+                values.append(_plain(token))
                 self._next()
             elif token[0] == "#":
-                found.append(Ref(token[1:]))
+                values.append(Ref(token[1:]))
                 self._next()
             elif token[0].isalpha():
-                found.append(self._call())
+                values.append(self._call())
             else:
-                found.append(_value(token))
+                values.append(_value(token))
                 self._next()
         self._next()
-        return found
+        return values
 
     def first_values(self, number: int) -> list[Any]:
         """Return the values of the first type of an instance."""
@@ -220,11 +220,11 @@ class _Reader:
         """Return the solids of all products that are part of no other one; without products all representations."""
         file = self._file
         owner = {n: values[2] for n, values in file.every("PRODUCT_DEFINITION_SHAPE")}
-        shown: dict[int, list[int]] = {}
+        shapes_of: dict[int, list[int]] = {}
         for _, (form, shape, *_) in file.every("SHAPE_DEFINITION_REPRESENTATION"):
-            shown.setdefault(owner.get(form, 0), []).append(shape)
+            shapes_of.setdefault(owner.get(form, 0), []).append(shape)
         # representations that state the same shape, as one of axes and one of solids
-        alike: dict[int, list[int]] = {}
+        same_shape: dict[int, list[int]] = {}
         for number, calls in file.calls.items():
             values = dict(calls).get("SHAPE_REPRESENTATION_RELATIONSHIP")
             if (
@@ -232,25 +232,27 @@ class _Reader:
                 and len(values) >= 4
                 and file.of(number, "REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION") is None
             ):
-                for one, other in (values[2:4], values[3:1:-1]):
-                    alike.setdefault(one, []).append(other)
-        places = dict(self._places(owner))
+                for first, second in (values[2:4], values[3:1:-1]):
+                    same_shape.setdefault(first, []).append(second)
+        placements = dict(self._places(owner))
         inside: dict[int, list[tuple[int, Floats]]] = {}
         used = set()
         for number, values in file.every("NEXT_ASSEMBLY_USAGE_OCCURRENCE"):
             parent, child = values[3:5]
-            inside.setdefault(parent, []).append((child, self._move(places.get(number), shown.get(child, []), alike)))
+            inside.setdefault(parent, []).append(
+                (child, self._move(placements.get(number), shapes_of.get(child, []), same_shape))
+            )
             used.add(child)
 
         def walk(product: int, matrix: Floats, depth: int) -> None:
             self._visit(depth)
-            seen: set[int] = set()
-            pending = list(shown.get(product, []))
+            visited: set[int] = set()
+            pending = list(shapes_of.get(product, []))
             while pending:
                 shape = pending.pop(0)
-                if shape not in seen:
-                    seen.add(shape)
-                    pending += alike.get(shape, [])
+                if shape not in visited:
+                    visited.add(shape)
+                    pending += same_shape.get(shape, [])
                     self._representation(shape, matrix, self._name(product), depth)
             for child, move in inside.get(product, []):
                 walk(child, matrix @ move, depth + 1)
@@ -280,14 +282,14 @@ class _Reader:
             if moved is not None:
                 yield owner[form], (pair[2], moved[2], moved[3])
 
-    def _move(self, place: tuple[int, int, int] | None, shapes: list[int], alike: dict[int, list[int]]) -> Floats:
-        """Return the motion (4, 4) of a child with these shapes; place: first related shape, and a frame of either."""
-        if place is None:
+    def _move(self, placement: tuple[int, int, int] | None, shapes: list[int], alike: dict[int, list[int]]) -> Floats:
+        """Return the motion (4, 4) of a child with these shapes; placement: first shape, and a frame of either."""
+        if placement is None:
             return np.eye(4)
-        first, frame_of_first, frame_of_second = place
-        own = {*shapes, *(other for shape in shapes for other in alike.get(shape, []))}
+        first, frame_of_first, frame_of_second = placement
+        of_child = {*shapes, *(other for shape in shapes for other in alike.get(shape, []))}
         # the relation may name child or parent first
-        inner, outer = (frame_of_first, frame_of_second) if first in own else (frame_of_second, frame_of_first)
+        inner, outer = (frame_of_first, frame_of_second) if first in of_child else (frame_of_second, frame_of_first)
         return np.asarray(self._frame(outer) @ np.linalg.inv(self._frame(inner)))
 
     def _name(self, product: int) -> str:

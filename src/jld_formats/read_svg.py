@@ -62,8 +62,8 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
             uses = " by <use>" if any(_kind(node) == "use" for node in tree.iter()) else ""
             raise InputError("", f"it expands to {count:.3g} shapes{uses}", f"at most {_MOST_EXPANDED}")
         page = _page(tree)
-        whole = _resolve(tree, notes, page[2] if page else 1.0)
-        root = svg.SVG.parse(io.BytesIO(ElementTree.tostring(whole)), reify=True, ppi=_PIXEL)
+        resolved = _resolve(tree, notes, page[2] if page else 1.0)
+        root = svg.SVG.parse(io.BytesIO(ElementTree.tostring(resolved)), reify=True, ppi=_PIXEL)
         return _in_stated_unit(_drawing(svg, root, path.stem, options, notes), None if options.unit else page)
 
 
@@ -78,7 +78,7 @@ def _kind(element: ElementTree.Element) -> str:
 
 def _resolve(root: ElementTree.Element, notes: Notes, uneven: float) -> ElementTree.Element:
     """Return what a file shows: copies for <use>, nothing of definitions, and no page."""
-    named = {name: node for node in root.iter() if (name := node.get("id"))}
+    by_id = {name: node for node in root.iter() if (name := node.get("id"))}
     clipped, sides = 0, _sides(root)
 
     def copied(element: ElementTree.Element) -> ElementTree.Element | None:
@@ -89,30 +89,30 @@ def _resolve(root: ElementTree.Element, notes: Notes, uneven: float) -> ElementT
         clipped += element.get("clip-path", "none") != "none" or "clip-path:" in element.get("style", "")
         attributes = {key: _of_page(key, value, sides) for key, value in element.items()}
         if kind != "use":
-            found = ElementTree.Element(element.tag, attributes)
-            found.text, children = element.text, list(element)
+            copy = ElementTree.Element(element.tag, attributes)
+            copy.text, children = element.text, list(element)
         else:
-            target = named.get(_href(element))
-            found = ElementTree.Element(_G, {k: v for k, v in attributes.items() if k not in _OF_USE})
+            target = by_id.get(_href(element))
+            copy = ElementTree.Element(_G, {k: v for k, v in attributes.items() if k not in _OF_USE})
             move = f"translate({element.get('x', '0')},{element.get('y', '0')})"
             if target is not None and _kind(target) == "symbol":
                 move += _viewbox_transform(target, element)
                 children = list(target)
             else:
                 children = [] if target is None else [target]
-            found.set("transform", f"{element.get('transform', '')} {move}".strip())
+            copy.set("transform", f"{element.get('transform', '')} {move}".strip())
         for child in children:
             if (part := copied(child)) is not None:
                 part.tail = child.tail
-                found.append(part)
-        return found
+                copy.append(part)
+        return copy
 
-    whole = ElementTree.Element(root.tag)
-    group = ElementTree.SubElement(whole, _G, {"transform": f"scale({uneven!r},1)"} if uneven != 1.0 else {})
+    result = ElementTree.Element(root.tag)
+    group = ElementTree.SubElement(result, _G, {"transform": f"scale({uneven!r},1)"} if uneven != 1.0 else {})
     group.extend([part for child in root if (part := copied(child)) is not None])
     if clipped:
         notes.doubtful.append(f"{several(clipped, 'shape')} cut by a clip path, which is not applied: read whole")
-    return whole
+    return result
 
 
 def _sides(root: ElementTree.Element) -> tuple[float, float] | None:
@@ -153,7 +153,7 @@ def _viewbox_transform(symbol: ElementTree.Element, use: ElementTree.Element) ->
 
 def _count_expanded(root: ElementTree.Element) -> int:
     """Return the number of XML elements once <use> is replaced; InputError where a copy contains itself."""
-    named = {name: node for node in root.iter() if (name := node.get("id"))}
+    by_id = {name: node for node in root.iter() if (name := node.get("id"))}
     counts: dict[ElementTree.Element, int] = {}
     open_elements: set[ElementTree.Element] = set()
     pending = [(root, False)]
@@ -161,7 +161,7 @@ def _count_expanded(root: ElementTree.Element) -> int:
         element, ready = pending.pop()
         parts = list(element)
         if _kind(element) == "use":
-            parts += [named[_href(element)]] if _href(element) in named else []
+            parts += [by_id[_href(element)]] if _href(element) in by_id else []
         if ready:
             counts[element] = 1 + sum(counts[part] for part in parts)
             open_elements.discard(element)
@@ -176,11 +176,11 @@ def _count_expanded(root: ElementTree.Element) -> int:
 def _page(root: ElementTree.Element) -> tuple[float, str, float] | None:
     """Return vertical length and unit of a drawing unit, and the ratio of scales; None where the page has no size."""
     sides = [_LENGTH.fullmatch(root.get(key, "")) for key in ("width", "height")]
-    stated = next((side for side in sides if side), None)
-    if stated is None:
+    side_with_unit = next((side for side in sides if side), None)
+    if side_with_unit is None:
         return None
     units = {side[2] for side in sides if side}
-    unit = stated[2] if stated[2] in core_units.METRES and len(units) == 1 else "mm"
+    unit = side_with_unit[2] if side_with_unit[2] in core_units.METRES and len(units) == 1 else "mm"
     numbers = re.findall(r"[^\s,]+", root.get("viewBox", ""))
     if not numbers:  # the units of the drawing are pixels
         return _ABSOLUTE["in"] / _PIXEL / core_units.METRES[unit], unit, 1.0
@@ -203,10 +203,10 @@ def _page(root: ElementTree.Element) -> tuple[float, str, float] | None:
     return (1.0 if abs(tall - 1.0) <= _SAME_SCALE else tall), unit, 1.0
 
 
-def _in_stated_unit(drawing: Drawing, stated: tuple[float, str, float] | None) -> Drawing:
-    if stated is None:
+def _in_stated_unit(drawing: Drawing, page: tuple[float, str, float] | None) -> Drawing:
+    if page is None:
         return drawing
-    scale, unit, _ = stated
+    scale, unit, _ = page
     paths, marks = [path.scaled(scale) for path in drawing.paths], [mark.scaled(scale) for mark in drawing.marks]
     return replace(drawing, paths=paths, marks=marks, unit=unit)
 
@@ -222,21 +222,23 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
         for item in group:
             notes.reached("shapes", len(paths))
             values = item.values if isinstance(getattr(item, "values", None), dict) else {}
-            own = values.get("attributes", {})
+            attributes = values.get("attributes", {})
             if isinstance(item, svg.Group):
-                walk(item, _group_name(own) or layer)
+                walk(item, _group_name(attributes) or layer)
             elif str(values.get("visibility", "")) in ("hidden", "collapse"):
                 hidden[layer] = hidden.get(layer, 0) + 1
             elif isinstance(item, svg.Text):
                 if item.text:
-                    place = svg.Point(item.x, item.y) * item.transform
-                    marks.append(Mark((float(place.x), -float(place.y)), layer, str(item.text)))
+                    point = svg.Point(item.x, item.y) * item.transform
+                    marks.append(Mark((float(point.x), -float(point.y)), layer, str(item.text)))
             elif isinstance(item, svg.Shape):
                 shape = svg.Path(item).reify()  # mirrored shapes keep their transformation until then
                 for part in shape.as_subpaths():
                     points, closed = _points(svg, svg.Path(part), options)
                     if len(points) > (2 if closed and not points[:, 2].any() else 1):
-                        paths.append(Path(points, closed, own.get("data-layer") or layer, own.get("data-name")))
+                        paths.append(
+                            Path(points, closed, attributes.get("data-layer") or layer, attributes.get("data-name"))
+                        )
                     if len(paths) > MOST:
                         raise InputError("", "it holds too many shapes", f"at most {MOST}")
             elif not isinstance(item, svg.Title):
@@ -264,24 +266,24 @@ def _group_name(attributes: dict[str, Any]) -> str:
 def _points(svg: Any, path: Any, options: ImportOptions) -> tuple[Floats, bool]:
     """Return rows (k, 3) of x, y and bulge of one subpath, and True if it is closed."""
     # The y axis points upwards. Arcs of circles are kept; other curves become chords within the facet tolerance.
-    found: list[tuple[float, float, float]] = []
+    rows: list[tuple[float, float, float]] = []
     closed = False
     for segment in path:
         if isinstance(segment, svg.Move):
             if segment.end is not None:
-                found.append((float(segment.end.x), -float(segment.end.y), 0.0))
+                rows.append((float(segment.end.x), -float(segment.end.y), 0.0))
             continue
         if isinstance(segment, svg.Close):
             closed = True
             continue
-        if isinstance(segment, svg.Arc) and _round(segment) and found:
-            found = found[:-1] + _halves(segment)
+        if isinstance(segment, svg.Arc) and _round(segment) and rows:
+            rows = rows[:-1] + _halves(segment)
         elif not isinstance(segment, svg.Line):
-            found += [(x, y, 0.0) for x, y in _chords(segment, options)]
-            if len(found) > MOST:
+            rows += [(x, y, 0.0) for x, y in _chords(segment, options)]
+            if len(rows) > MOST:
                 raise InputError("", "it holds too many corners", f"at most {MOST}")
-        found.append((float(segment.end.x), -float(segment.end.y), 0.0))
-    points = np.array(found, dtype=float).reshape(-1, 3)
+        rows.append((float(segment.end.x), -float(segment.end.y), 0.0))
+    points = np.array(rows, dtype=float).reshape(-1, 3)
     if not np.isfinite(points).all():
         raise InputError("", "it holds a coordinate that is no number", "finite numbers only")
     size = float(np.ptp(points[:, :2], axis=0).max()) if len(points) else 0.0
@@ -310,8 +312,8 @@ def _chords(segment: Any, options: ImportOptions) -> list[tuple[float, float]]:
         points = np.array(segment.npoint(np.arange(2 * number + 1) / (2 * number)), dtype=float) * (1.0, -1.0)
         size = float(np.ptp(points, axis=0).max())
         facet = FACET * size if options.facet is None else options.facet
-        off = np.hypot(*(points[1::2] - 0.5 * (points[:-1:2] + points[2::2])).T)
-        if off.max() <= facet:
+        distance = np.hypot(*(points[1::2] - 0.5 * (points[:-1:2] + points[2::2])).T)
+        if distance.max() <= facet:
             return [(float(x), float(y)) for x, y in points[2:-1:2]]
         number *= 2
     return [(float(x), float(y)) for x, y in points[2:-1:2]]

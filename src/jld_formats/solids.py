@@ -46,7 +46,7 @@ from jld_formats.options import (
 )
 
 
-def given_contacts(
+def contact_entries(
     contacts: list[tuple[str, str, Floats]], names: dict[str, str], scale: float, size: float
 ) -> list[dict[str, Any]]:
     """Convert interfaces stated by a file to scene entries, projected onto best-fit planes."""
@@ -68,12 +68,12 @@ def contacts_of(vertices: list[Floats], faces: list[Faces], notes: Notes) -> lis
     of_pair: dict[tuple[int, int], int] = {}
     for contact in contacts:
         of_pair[contact.a, contact.b] = of_pair.get((contact.a, contact.b), 0) + 1
-    many = [count for count in of_pair.values() if count > 1]
+    counts = [count for count in of_pair.values() if count > 1]
     notes.found.append(f"{several(len(contacts), 'contact')} of {several(len(of_pair), 'pair')}")
-    if many:
-        verb = "touches" if len(many) == 1 else "touch"
-        held = "a label given to the pair holds for all of them"
-        notes.found.append(f"{several(len(many), 'pair')} {verb} along {sum(many)} facets: {held}")
+    if counts:
+        verb = "touches" if len(counts) == 1 else "touch"
+        remark = "a label given to the pair holds for all of them"
+        notes.found.append(f"{several(len(counts), 'pair')} {verb} along {sum(counts)} facets: {remark}")
     return contacts
 
 
@@ -85,22 +85,22 @@ def labels_of(
     notes: Notes,
 ) -> dict[str, list[list[str]]]:
     """Return the labels of pairs of solids with a drawn labelled face; InputError for different ones of a pair."""
-    found: dict[tuple[str, str], str] = {}
-    lost = 0
-    places = np.array([contact.polygon.mean(axis=0) for contact in contacts]).reshape(-1, 3)
+    label_of: dict[tuple[str, str], str] = {}
+    unmatched = 0
+    centres = np.array([contact.polygon.mean(axis=0) for contact in contacts]).reshape(-1, 3)
     for role, corners in drawn:
-        away = np.linalg.norm(places - corners.mean(axis=0), axis=1) if len(places) else np.zeros(0)
-        if not len(away) or away.min() > reach:
-            lost += 1
+        distance = np.linalg.norm(centres - corners.mean(axis=0), axis=1) if len(centres) else np.zeros(0)
+        if not len(distance) or distance.min() > reach:
+            unmatched += 1
             continue
-        contact = contacts[int(np.argmin(away))]
+        contact = contacts[int(np.argmin(distance))]
         pair = names[contact.a], names[contact.b]
-        if found.setdefault(pair, role) != role:
+        if label_of.setdefault(pair, role) != role:
             raise InputError(f"elements {pair[0]!r} and {pair[1]!r}", "faces of both labels are drawn", "one label")
-    counted = ", ".join(f"{sum(word == role for word in found.values())} {role}" for role in ("dry", "inner"))
+    counted = ", ".join(f"{sum(word == role for word in label_of.values())} {role}" for role in ("dry", "inner"))
     notes.found.append(f"labels of pairs by drawn faces: {counted}")
-    notes.skip("drawn faces", lost, "they lie on no contact")
-    return {role: [list(pair) for pair, word in found.items() if word == role] for role in ("inner", "dry")}
+    notes.skip("drawn faces", unmatched, "they lie on no contact")
+    return {role: [list(pair) for pair, word in label_of.items() if word == role] for role in ("inner", "dry")}
 
 
 def solid_loads(
@@ -126,21 +126,21 @@ def solid_loads(
 
     loads: dict[str, Any] = {}
     for role, key in (("load", "live"), ("dead", "dead")):
-        own = [mark for mark in marks if options.role(mark.layer) == role]
-        texts = [mark for mark in own if mark.tail is None and mark.text]
-        arrows = [mark for mark in own if mark.tail is not None]
-        beside = _beside([mark for mark in arrows if mark.text is None], texts, reach)
-        for mark in own:
+        of_role = [mark for mark in marks if options.role(mark.layer) == role]
+        texts = [mark for mark in of_role if mark.tail is None and mark.text]
+        arrows = [mark for mark in of_role if mark.tail is not None]
+        text_of_arrow = _beside([mark for mark in arrows if mark.text is None], texts, reach)
+        for mark in of_role:
             if mark.tail is None and not mark.text:
                 notes.skip("loads", 1, f"a point on layer {mark.layer} without a text that says its force")
-        bare = iter(range(len(arrows)))
+        unlabelled = iter(range(len(arrows)))
         for mark in arrows:
             text = mark.text
             if text is None:
-                number = beside.get(next(bare))
+                number = text_of_arrow.get(next(unlabelled))
                 text = None if number is None else texts[number].text
             loads.setdefault(key, []).extend(entries(_arrow(mark, text), mark.at))
-        for number in sorted(set(range(len(texts))) - set(beside.values())):
+        for number in sorted(set(range(len(texts))) - set(text_of_arrow.values())):
             loads.setdefault(key, []).extend(entries(_written(texts[number]), texts[number].at))
         for entry in loads.get(key, []):
             size, at = (", ".join(f"{value:.9g}" for value in entry[part]) for part in ("force", "at"))
@@ -162,10 +162,10 @@ def _written(mark: SolidMark) -> Floats:
 def _beside(arrows: list[SolidMark], texts: list[SolidMark], reach: float) -> dict[int, int]:
     """Return the number of the text of each arrow, at most its length from its middle."""
     ends = np.array([(mark.tail, mark.at) for mark in arrows]).reshape(-1, 2, 3)
-    places = np.array([mark.at for mark in texts]).reshape(-1, 3)
-    away = np.linalg.norm(ends.mean(axis=1)[:, None] - places[None], axis=2)
-    arrow, text = np.nonzero(away <= np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None])
-    return closest_first(arrow, text, away[arrow, text], reach, [(mark.layer, str(mark.text)) for mark in texts])
+    points = np.array([mark.at for mark in texts]).reshape(-1, 3)
+    distance = np.linalg.norm(ends.mean(axis=1)[:, None] - points[None], axis=2)
+    arrow, text = np.nonzero(distance <= np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None])
+    return closest_first(arrow, text, distance[arrow, text], reach, [(mark.layer, str(mark.text)) for mark in texts])
 
 
 def _arrow(mark: SolidMark, text: str | None) -> Floats:
@@ -188,12 +188,12 @@ def _nearest(at: Floats, vertices: list[Floats], faces: list[Faces], supports: l
     boxes = np.array([(v.min(axis=0), v.max(axis=0)) for v in vertices])
     least = np.linalg.norm(np.maximum(np.maximum(boxes[:, 0] - at, at - boxes[:, 1]), 0.0), axis=1)
     free = np.flatnonzero(~np.array(supports))
-    found: dict[int, float] = {}
+    distances: dict[int, float] = {}
     for k in free[np.argsort(least[free], kind="stable")].tolist():
-        if found and least[k] > min(found.values()) + reach:
+        if distances and least[k] > min(distances.values()) + reach:
             break  # no element is nearer than its box
-        found[k] = polyhedra.distance_to(vertices[k], tuple(map(tuple, faces[k])), at)
-    return sorted(k for k, away in found.items() if away <= min(found.values()) + reach)
+        distances[k] = polyhedra.distance_to(vertices[k], tuple(map(tuple, faces[k])), at)
+    return sorted(k for k, distance in distances.items() if distance <= min(distances.values()) + reach)
 
 
 @dataclass(frozen=True)
@@ -257,10 +257,10 @@ class Solids:
 
 def _size(vertices: list[Floats]) -> float:
     """Return the longest side of the bounding box of all solids; InputError where it is out of range."""
-    every = np.concatenate(vertices)
-    if not np.isfinite(every).all():
+    corners = np.concatenate(vertices)
+    if not np.isfinite(corners).all():
         raise InputError("", "it holds a coordinate that is no number", "finite numbers only")
-    size = float(np.ptp(every, axis=0).max())
+    size = float(np.ptp(corners, axis=0).max())
     if not 1e-12 <= size <= 1e12:
         raise InputError("", f"it is {size:g} large, out of range", "from 1e-12 to 1e+12")
     return size
@@ -270,8 +270,10 @@ def _supports(parts: list[Part], options: ImportOptions) -> list[bool]:
     """Return which solids are supports: by file, group, or lowest with `LOWEST` in `options.support`."""
     heights = np.array([float(part.vertices[:, 2].min()) for part in parts])
     size = float(np.ptp(np.concatenate([part.vertices for part in parts]), axis=0).max())
-    near = 1e-9 * size if options.tolerance == 0.0 else SNAP * size if options.tolerance is None else options.tolerance
-    lowest = heights <= heights.min() + near if LOWEST in options.support else np.zeros(len(parts), bool)
+    tolerance = (
+        1e-9 * size if options.tolerance == 0.0 else SNAP * size if options.tolerance is None else options.tolerance
+    )
+    lowest = heights <= heights.min() + tolerance if LOWEST in options.support else np.zeros(len(parts), bool)
     return [
         part.support or options.role(part.group) == "support" or bool(low)
         for part, low in zip(parts, lowest, strict=True)
@@ -285,33 +287,33 @@ _FOOT: Final = 0.05  # height of supports that are added, relative to the size
 _Y_UP: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # (x, y, z) becomes (x, −z, y)
 
 
-def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: bool = False) -> Imported:
+def spatial_scene(content: Solids, options: ImportOptions, notes: Notes, *, feet: bool = False) -> Imported:
     """Convert solids to a scene document; InputError: none, open, no support, too many. feet: adds supports."""
     # Corners are snapped, faces that are not plane are triangulated, and coplanar faces are merged. Decisions are added
     # to `notes`, and the result holds them as its report.
-    found = _chosen(found, options, notes)
-    parts = found.parts
+    content = _select(content, options, notes)
+    parts = content.parts
     notes.reached("solids", len(parts))
     if not parts:
         raise InputError("", "it holds no solid", "closed surfaces, one for each block")
     if sum(len(part.faces) + len(part.vertices) for part in parts) > 4 * MOST:
         raise InputError("", "it holds too many faces", f"at most {MOST}")
-    scale, unit, drawn_in = _scale(found, options, notes)
-    parts, supports = _on_feet(parts, options, notes, feet=feet)
+    scale, unit, drawn_in = _scale(content, options, notes)
+    parts, supports = _with_supports(parts, options, notes, feet=feet)
     names = _names([part.name for part in parts])
     vertices = [scale * part.vertices for part in parts]
     size = _size(vertices)
     tolerance = SNAP * size if options.tolerance is None else scale * options.tolerance
     snapped = snapping.snap_solids(vertices, [part.faces for part in parts], tolerance)
     notes.largest = snapped.largest
-    _note_moved(snapped, tolerance, scale, drawn_in, notes)
-    whole, faces = _outer_faces(parts, names, snapped, notes)
+    _note_snapping(snapped, tolerance, scale, drawn_in, notes)
+    corners, faces = _outer_faces(parts, names, snapped, notes)
     check_supports(supports, options)
     if LOWEST in options.support:
         chosen = (name for name, support in zip(names, supports, strict=True) if support)
         notes.found.append(f"supports where the lowest point is: {listed(chosen)}")
-    _say_axis(whole, supports, options, notes)
-    document: dict[str, Any] = {"name": found.name, **found.facts}
+    _say_axis(corners, supports, options, notes)
+    document: dict[str, Any] = {"name": content.name, **content.facts}
     if options.tolerance:
         document["tolerance"] = tolerance  # misfits of faces that share no corner are left to the scene
     document["elements"] = [
@@ -322,94 +324,96 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: 
             **part.keys,
             **({"support": True} if support else {}),
         }
-        for name, v, loops, support, part in zip(names, whole, faces, supports, parts, strict=True)
+        for name, v, loops, support, part in zip(names, corners, faces, supports, parts, strict=True)
     ]
-    _state_contacts(document, found, parts, names, whole, faces, (scale, size, tolerance), notes)
-    if found.marks and not found.facts.get("loads"):
-        marks = [mark.scaled(scale) for mark in found.marks]
+    _state_contacts(document, content, parts, names, corners, faces, (scale, size, tolerance), notes)
+    if content.marks and not content.facts.get("loads"):
+        marks = [mark.scaled(scale) for mark in content.marks]
         reach = max(2.0 * tolerance, 1e-7 * size)
-        document["loads"] = solid_loads(marks, names, whole, faces, supports, reach, options, notes)
-    document |= _taken_as_stated(document, options, notes)
+        document["loads"] = solid_loads(marks, names, corners, faces, supports, reach, options, notes)
+    document |= _stated_tolerance(document, options, notes)
     if unit is not None:
         document["units"] = {"force": "N", **document.get("units", {}), "length": unit}
     elif options.like is not None:
         document.setdefault("units", options.like.units.model_dump())
     free = len(parts) - sum(supports)
-    counted = f"{several(free, 'element')} and {several(sum(supports), 'support')}"
+    counts = f"{several(free, 'element')} and {several(sum(supports), 'support')}"
     measured = measure(document["elements"])
     length = unit or str(document.get("units", {}).get("length", "m"))
-    notes.found.insert(0, f"{counted}, {in_words(measured, length)}")
-    if not found.facts:
+    notes.found.insert(0, f"{counts}, {in_words(measured, length)}")
+    if not content.facts:
         say_size(measured, length, drawn_in, notes)
     return Imported(complete(document, options, notes, dimension=3), notes.report(), drawn_in, scale)
 
 
 def _state_contacts(
     document: dict[str, Any],
-    found: Solids,
+    content: Solids,
     parts: list[Part],
     names: list[str],
-    whole: list[Floats],
+    solids: list[Floats],
     faces: list[Faces],
     lengths: tuple[float, float, float],
     notes: Notes,
 ) -> None:
     """Add the interfaces that a file states, or labels of drawn ones; lengths: scale, size and tolerance."""
     scale, size, tolerance = lengths
-    if found.contacts:
+    if content.contacts:
         of_part = dict(zip((part.name for part in parts), names, strict=True))
-        document["interfaces"] = given_contacts(found.contacts, of_part, scale, size)
-        if len(parts) > len(found.parts):  # supports that were added, which no file states
+        document["interfaces"] = contact_entries(content.contacts, of_part, scale, size)
+        if len(parts) > len(content.parts):  # supports that were added, which no file states
             document["interfaces"] += [
                 {"elements": [names[contact.a], names[contact.b]], "polygon": rounded(contact.polygon, size)}
-                for contact in contacts_of(whole, faces, Notes())
-                if max(contact.a, contact.b) >= len(found.parts)
+                for contact in contacts_of(solids, faces, Notes())
+                if max(contact.a, contact.b) >= len(content.parts)
             ]
-        notes.found.append(f"{several(len(found.contacts), 'interface')} as the file gives them")
+        notes.found.append(f"{several(len(content.contacts), 'interface')} as the file gives them")
     else:
-        contacts = contacts_of(whole, faces, notes)
-        if found.drawn and "interfaces" not in document:
-            drawn = [(role, scale * corners) for role, corners in found.drawn]
+        contacts = contacts_of(solids, faces, notes)
+        if content.drawn and "interfaces" not in document:
+            drawn = [(role, scale * corners) for role, corners in content.drawn]
             document["labels"] = labels_of(contacts, names, drawn, max(2.0 * tolerance, 1e-4 * size), notes)
 
 
-def _taken_as_stated(document: dict[str, Any], options: ImportOptions, notes: Notes) -> dict[str, Any]:
+def _stated_tolerance(document: dict[str, Any], options: ImportOptions, notes: Notes) -> dict[str, Any]:
     """Return the key "tolerance" within which all stated interfaces are taken, where they fit poorly."""
     if options.tolerance is not None or "interfaces" not in document or "tolerance" in document:
         return {}
     try:
         build_geometry(parse_scene({**complete({**document, "loads": {}}, options, Notes(), dimension=3)}))
     except stated_fit.Misfit as error:
-        said = f"{error.problem}: interfaces are taken as the file states them, within {round_up(error.most)}"
-        notes.doubtful.append(f"{error.where}: {said}")
+        remark = f"{error.problem}: interfaces are taken as the file states them, within {round_up(error.most)}"
+        notes.doubtful.append(f"{error.where}: {remark}")
         return {"tolerance": float(round_up(error.most))}
     except InputError:
         pass  # said where the scene is built
     return {}
 
 
-def _chosen(found: Solids, options: ImportOptions, notes: Notes) -> Solids:
-    if found.parts:
-        named = [name for part in found.parts for name in (part.group, part.name)]
-        refuse_unknown(options, [*named, *(mark.layer for mark in found.marks)], "layer, group or name")
-    parts = [part for part in found.parts if options.chosen(part.group, part.name)]
-    notes.skip("solids", len(found.parts) - len(parts), "their layer or group is not to be read")
+def _select(content: Solids, options: ImportOptions, notes: Notes) -> Solids:
+    if content.parts:
+        names = [name for part in content.parts for name in (part.group, part.name)]
+        refuse_unknown(options, [*names, *(mark.layer for mark in content.marks)], "layer, group or name")
+    parts = [part for part in content.parts if options.chosen(part.group, part.name)]
+    notes.skip("solids", len(content.parts) - len(parts), "their layer or group is not to be read")
     if options.up != "y":
-        return replace(found, parts=parts)
+        return replace(content, parts=parts)
     notes.found.append("y up, made z")
     return replace(
-        found,
+        content,
         parts=[replace(part, vertices=part.vertices @ _Y_UP) for part in parts],
-        contacts=[(a, b, corners @ _Y_UP) for a, b, corners in found.contacts],
+        contacts=[(a, b, corners @ _Y_UP) for a, b, corners in content.contacts],
         marks=[
             replace(mark, at=mark.at @ _Y_UP, tail=None if mark.tail is None else mark.tail @ _Y_UP)
-            for mark in found.marks
+            for mark in content.marks
         ],
-        drawn=[(role, corners @ _Y_UP) for role, corners in found.drawn],
+        drawn=[(role, corners @ _Y_UP) for role, corners in content.drawn],
     )
 
 
-def _on_feet(parts: list[Part], options: ImportOptions, notes: Notes, *, feet: bool) -> tuple[list[Part], list[bool]]:
+def _with_supports(
+    parts: list[Part], options: ImportOptions, notes: Notes, *, feet: bool
+) -> tuple[list[Part], list[bool]]:
     """Return solids with True for each support; supports are added where none, or only lowest ones, are there."""
     supports = _supports(parts, options)
     if (feet and not options.support and not any(supports)) or (all(supports) and LOWEST in options.support):
@@ -424,19 +428,19 @@ def _outer_faces(
     parts: list[Part], names: list[str], snapped: snapping.SnappedSolids, notes: Notes
 ) -> tuple[list[Floats], list[Faces]]:
     """Return vertices and plane faces of snapped solids, turned outward and merged; InputError if open."""
-    kept = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
-    bent = sum(map(len, kept))
-    kept = [_triangulated(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
-    if sum(map(len, kept)) > bent:
+    cleaned = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
+    bent = sum(map(len, cleaned))
+    cleaned = [_triangulated(v, loops) for v, loops in zip(snapped.vertices, cleaned, strict=True)]
+    if sum(map(len, cleaned)) > bent:
         notes.found.append("faces that are no planes are cut into triangles, the same on both sides")
-    whole, faces, *_ = closed_solids(names, snapped.vertices, kept)
-    turned = sum(a != b for a, b in zip(faces, kept, strict=True))
+    corners, faces, *_ = closed_solids(names, snapped.vertices, cleaned)
+    turned = sum(a != b for a, b in zip(faces, cleaned, strict=True))
     notes.skip("surfaces", turned, "they were inside out or mended, and are turned outward")
-    given = sum(len(part.faces) for part in parts)
-    whole, faces = _merge_coplanar(whole, faces)
-    if (now := sum(map(len, faces))) < given:
-        notes.found.append(f"{given} faces merged to {now} plane ones")
-    return whole, faces
+    before = sum(len(part.faces) for part in parts)
+    corners, faces = _merge_coplanar(corners, faces)
+    if (after := sum(map(len, faces))) < before:
+        notes.found.append(f"{before} faces merged to {after} plane ones")
+    return corners, faces
 
 
 def _say_axis(vertices: list[Floats], supports: list[bool], options: ImportOptions, notes: Notes) -> None:
@@ -449,20 +453,20 @@ def _say_axis(vertices: list[Floats], supports: list[bool], options: ImportOptio
 
 def _feet(parts: list[Part], tolerance: float) -> list[Part]:
     """Return supports below the lowest faces of solids; none where no face is level."""
-    every = np.concatenate([part.vertices for part in parts])
-    size, low = float(np.ptp(every, axis=0).max()), float(every[:, 2].min())
+    corners = np.concatenate([part.vertices for part in parts])
+    size, low = float(np.ptp(corners, axis=0).max()), float(corners[:, 2].min())
     down = np.array([0.0, 0.0, _FOOT * size])
-    near = max(_LEVEL * size, tolerance)
+    level_tolerance = max(_LEVEL * size, tolerance)
     level = [
         part.vertices[list(loop)]
         for part in parts
         for loop in part.faces
-        if (part.vertices[list(loop), 2] <= low + near).all()
+        if (part.vertices[list(loop), 2] <= low + level_tolerance).all()
     ]
     # triangles of one face are one foot
-    whole = shapely.union_all([shapely.Polygon(face[:, :2]) for face in level])
+    footprint = shapely.union_all([shapely.Polygon(face[:, :2]) for face in level])
     feet = []
-    for k, foot in enumerate(part for part in shapely.get_parts(whole) if part.geom_type == "Polygon"):
+    for k, foot in enumerate(part for part in shapely.get_parts(footprint) if part.geom_type == "Polygon"):
         plan = shapely.get_coordinates(shapely.orient_polygons(foot).exterior)[:-1]
         top: Floats = np.column_stack([plan, np.full(len(plan), low)])
         count = len(top)
@@ -472,45 +476,49 @@ def _feet(parts: list[Part], tolerance: float) -> list[Part]:
     return feet
 
 
-def _note_moved(snapped: snapping.SnappedSolids, tolerance: float, scale: float, unit: str, notes: Notes) -> None:
+def _note_snapping(snapped: snapping.SnappedSolids, tolerance: float, scale: float, unit: str, notes: Notes) -> None:
     """Note how many vertices were moved, and how far, in the unit of the file."""
     if snapped.moved:
         moved = several(snapped.moved, "vertex", "vertices")
-        said = f"by at most {snapped.largest / scale:.3g} {unit}; tolerance {tolerance / scale:.3g} {unit}"
-        notes.snapped.append(f"{moved}, {said}")
+        remark = f"by at most {snapped.largest / scale:.3g} {unit}; tolerance {tolerance / scale:.3g} {unit}"
+        notes.snapped.append(f"{moved}, {remark}")
 
 
-def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, str | None, str]:
+def _scale(content: Solids, options: ImportOptions, notes: Notes) -> tuple[float, str | None, str]:
     """Return scene units per file unit, the scene's unit of length, and the file's; InputError if unknown."""
     # The second is None where stored facts state it, and where no unit is known.
-    given = options.unit or found.unit
-    if given is not None and given not in units.METRES:
-        raise InputError("", f"its lengths are in {given}", "`unit` " + "|".join(units.METRES))
-    stated = found.facts.get("units", {}).get("length")
-    if stated is not None:
-        own = str(stated)
-        return (units.METRES[given] / units.METRES[own] if given and own in units.METRES else 1.0), None, given or own
-    if given is None:
-        own = "m" if options.like is None else options.like.units.length
-        notes.assumed.append(f"lengths in {own}: the file names no unit, give --unit")
-        return 1.0, None, own
-    if given != "m":
-        notes.found.append(f"lengths in {given}, times {units.METRES[given]:g} to m")
-    return units.METRES[given], "m", given
+    file_unit = options.unit or content.unit
+    if file_unit is not None and file_unit not in units.METRES:
+        raise InputError("", f"its lengths are in {file_unit}", "`unit` " + "|".join(units.METRES))
+    scene_unit = content.facts.get("units", {}).get("length")
+    if scene_unit is not None:
+        unit = str(scene_unit)
+        return (
+            (units.METRES[file_unit] / units.METRES[unit] if file_unit and unit in units.METRES else 1.0),
+            None,
+            file_unit or unit,
+        )
+    if file_unit is None:
+        unit = "m" if options.like is None else options.like.units.length
+        notes.assumed.append(f"lengths in {unit}: the file names no unit, give --unit")
+        return 1.0, None, unit
+    if file_unit != "m":
+        notes.found.append(f"lengths in {file_unit}, times {units.METRES[file_unit]:g} to m")
+    return units.METRES[file_unit], "m", file_unit
 
 
-def _names(given: Sequence[str]) -> list[str]:
+def _names(wanted: Sequence[str]) -> list[str]:
     """Make names unique: empty ones become "b" and number, repeated ones get a suffix."""
-    taken: set[str] = set()
+    used: set[str] = set()
     names = []
-    for number, name in enumerate(given):
+    for number, name in enumerate(wanted):
         base = name.strip() or f"b{number}"
-        fresh, k = base, 1
-        while fresh in taken:
+        unique, k = base, 1
+        while unique in used:
             k += 1
-            fresh = f"{base}.{k}"
-        taken.add(fresh)
-        names.append(fresh)
+            unique = f"{base}.{k}"
+        used.add(unique)
+        names.append(unique)
     return names
 
 
@@ -518,30 +526,30 @@ def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
     """Return faces without collapsed ones and repeated corners; corners (k, 3) at one place get one index."""
     node = merge_points(vertices, 0.0)
     first = np.unique(node, return_index=True)[1]
-    kept = []
+    loops = []
     for loop in faces:
-        named = [int(first[node[index]]) for index in loop]
-        short = tuple(index for position, index in enumerate(named) if index != named[position - 1])
+        corners = [int(first[node[index]]) for index in loop]
+        short = tuple(index for position, index in enumerate(corners) if index != corners[position - 1])
         if len(set(short)) > 2:
-            kept.append(short)
-    return tuple(kept)
+            loops.append(short)
+    return tuple(loops)
 
 
 def _triangulated(vertices: Floats, faces: Faces) -> Faces:
     # A face with the same corners is split in the same way in every solid.
-    found: list[tuple[int, ...]] = []
+    loops: list[tuple[int, ...]] = []
     for loop in faces:
         corners = vertices[list(loop)]
         normal = area_vector(corners)
         length = float(np.linalg.norm(normal))
         off = np.abs((corners - corners.mean(axis=0)) @ normal).max() / length if length > 0.0 else 0.0
         if len(loop) == 3 or off <= 0.1 * tolerances.FACE * float(np.ptp(corners, axis=0).max()):
-            found.append(loop)
+            loops.append(loop)
             continue
         first = _apex(corners)
         turned = loop[first:] + loop[:first]
-        found += [(turned[0], turned[k], turned[k + 1]) for k in range(1, len(turned) - 1)]
-    return tuple(found)
+        loops += [(turned[0], turned[k], turned[k + 1]) for k in range(1, len(turned) - 1)]
+    return tuple(loops)
 
 
 def _apex(corners: Floats) -> int:
@@ -572,11 +580,11 @@ def _merge_coplanar(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple
             merged_vertices.append(points[used])
             merged_faces.append(tuple(tuple(rename[index] for index in loop) for loop in loops))
             continue
-        place: dict[tuple[float, ...], int] = {}
+        index_of: dict[tuple[float, ...], int] = {}
         outlines = tuple(
-            tuple(place.setdefault(tuple(corner), len(place)) for corner in piece[0].tolist()) for piece in pieces
+            tuple(index_of.setdefault(tuple(corner), len(index_of)) for corner in piece[0].tolist()) for piece in pieces
         )
-        merged_vertices.append(np.array(list(place)))
+        merged_vertices.append(np.array(list(index_of)))
         merged_faces.append(outlines)
     return merged_vertices, merged_faces
 
@@ -598,21 +606,21 @@ def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:
     if all(_is_closed(faces, part) for part in loose):
         return loose
     node = merge_points(points, tolerance).tolist()
-    named = tuple(tuple(node[index] for index in loop) for loop in faces)
+    loops = tuple(tuple(node[index] for index in loop) for loop in faces)
     closing: list[Ints] = []
     open_edges: set[tuple[int, int]] = set()
     begin = 0
-    for number, loop in enumerate(named):
+    for number, loop in enumerate(loops):
         for edge in _edges(loop):
             open_edges ^= {edge}
         if not open_edges:
             closing.append(np.arange(begin, number + 1))
             begin = number + 1
-    if begin == len(named) and all(_is_closed(named, part) for part in closing):
+    if begin == len(loops) and all(_is_closed(loops, part) for part in closing):
         return closing
-    touching = _components(named)
+    touching = _components(loops)
     for part in touching:
-        if max(_uses(named, part).values()) > 3:
+        if max(_uses(loops, part).values()) > 3:
             raise InputError(
                 "", "solids that touch share their corners and cannot be told apart", "a group or a name for each solid"
             )

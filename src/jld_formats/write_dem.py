@@ -100,8 +100,12 @@ def _block(name: str, node: int, surface: unions.Surface) -> dict[str, Any]:
 
 def _envelope(kind: str, data: Any, name: str) -> dict[str, Any]:
     """Return an object in its COMPAS envelope, its guid derived from its name: same layout, same file."""
-    found = {"dtype": kind, "data": data}
-    return found if kind.startswith("compas.geometry") else {**found, "guid": str(uuid.uuid5(_NAMES, f"{kind} {name}"))}
+    envelope = {"dtype": kind, "data": data}
+    return (
+        envelope
+        if kind.startswith("compas.geometry")
+        else {**envelope, "guid": str(uuid.uuid5(_NAMES, f"{kind} {name}"))}
+    )
 
 
 def named_faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats, int]]:
@@ -112,15 +116,15 @@ def named_faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats, int
     found = []
     for k, (a, b, polygon) in enumerate(zip(faces.a.tolist(), faces.b.tolist(), faces.polygon, strict=True)):
         if cells:
-            one, two = assembly.elements.ids[a], assembly.elements.ids[b]
+            first, second = assembly.elements.ids[a], assembly.elements.ids[b]
         else:
-            one, two = (layout.blocks[int(layout.block_of[e])].name for e in (a, b))
-        if one == two:
+            first, second = (layout.blocks[int(layout.block_of[e])].name for e in (a, b))
+        if first == second:
             continue
         points = _in_space(layout, polygon)
         # corners run counter-clockwise about the normal out of the first solid, as COMPAS expects
         out = faces.normal[k] if assembly.dimension == 3 else np.array([faces.normal[k, 0], 0.0, faces.normal[k, 1]])
-        found.append((one, two, points if area_vector(points) @ out > 0.0 else points[::-1], k))
+        found.append((first, second, points if area_vector(points) @ out > 0.0 else points[::-1], k))
     return found
 
 
@@ -146,9 +150,9 @@ def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
     layout = layout.drawn_from or layout
     elements = layout.assembly.elements
     weight = np.linalg.norm(elements.weight, axis=1)
-    found: dict[str, dict[str, Any]] = element_keys(layout) if cells and layout.assembly.dimension == 3 else {}
+    keys_of: dict[str, dict[str, Any]] = element_keys(layout) if cells and layout.assembly.dimension == 3 else {}
     if cells and layout.assembly.dimension == 3:
-        return found
+        return keys_of
     if cells:
         rows = [
             (name, weight[k], elements.centroid[k]) for k, name in enumerate(elements.ids) if not elements.support[k]
@@ -158,9 +162,9 @@ def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
         rows = [(b.name, weight[list(b.elements)].sum(), np.array(b.centroid)) for b in free]
     for name, force, centroid in rows:
         x = centroid.tolist()
-        place = x if len(x) == 3 else [x[0], 0.5 * layout.thickness, x[1]]
-        found[name] = {"weight": float(force), "centroid": place}
-    return found
+        position = x if len(x) == 3 else [x[0], 0.5 * layout.thickness, x[1]]
+        keys_of[name] = {"weight": float(force), "centroid": position}
+    return keys_of
 
 
 def _frame(points: Floats) -> dict[str, list[float]]:
@@ -212,8 +216,8 @@ class Dem:
         """Return the block model: blocks with materials, and contacts on the graph's edges."""
         elements, materials, nodes = {}, {}, {}
         for k, ((name, support, surface), density) in enumerate(zip(self._solids, self._densities(), strict=True)):
-            stuff = self._guid("compas_dem.material/GenericMaterial", f"{density:.12g}")
-            materials[stuff] = self._object(
+            material = self._guid("compas_dem.material/GenericMaterial", f"{density:.12g}")
+            materials[material] = self._object(
                 "compas_dem.material/GenericMaterial",
                 f"{density:.12g}",
                 {"name": "GenericMaterial", "density": density, "fck": None, "ft": None, "Ecm": None, "poisson": 0.2},
@@ -222,7 +226,7 @@ class Dem:
                 "transformation": None,
                 "features": [],
                 "name": name,
-                "material": stuff,
+                "material": material,
                 "geometry": {"dtype": "compas.datastructures/Mesh", "data": mesh_data(surface)},
                 "is_support": support,
             }
@@ -242,14 +246,14 @@ class Dem:
             "max_node": len(nodes) - 1,
         }
         children = [{"name": "ElementNode", "element": guid} for guid in elements]
-        whole: dict[str, Any] = {
+        model: dict[str, Any] = {
             "transformation": None,
             "elements": elements,
             "materials": materials,
             "tree": {"attributes": {}, "root": {"name": "root", "children": children}},
             "graph": graph,
         }
-        return self._object("compas_dem.models/BlockModel", self._name, whole)
+        return self._object("compas_dem.models/BlockModel", self._name, model)
 
     def _densities(self) -> list[float]:
         """Return the density of each solid; one without mass gets that of the scene, or 1."""
@@ -263,8 +267,8 @@ class Dem:
         else:
             surfaces = [len(parts) for parts in layout.surfaces]
             pairs = [(b.mass, b.volume) for b, n in zip(layout.blocks, surfaces, strict=True) for _ in range(n)]
-        found = [m / v if m > 0.0 and v > 0.0 else fallback for m, v in pairs]
-        return [float(f"{value:.12g}") for value in found]
+        densities = [m / v if m > 0.0 and v > 0.0 else fallback for m, v in pairs]
+        return [float(f"{value:.12g}") for value in densities]
 
     def _frame(self, points: Floats, face: int) -> Floats:
         """Return the axes e1, e2 and n of an interface in space, as the rows of an array (3, 3)."""
@@ -308,9 +312,9 @@ class Dem:
             return []
         normal, v1, v2, m1, m2, torsion = self._resultants(face).tolist()
         x1, x2 = ((points - centre) @ axes[:2].T).T
-        one, none = np.ones(len(points)), np.zeros(len(points))
-        pressure = np.linalg.pinv(np.array([one, x1, x2])) @ np.array([normal, -m2, m1])
-        rows = np.block([[one, none], [none, one], [-x2, x1]])
+        ones, zeros = np.ones(len(points)), np.zeros(len(points))
+        pressure = np.linalg.pinv(np.array([ones, x1, x2])) @ np.array([normal, -m2, m1])
+        rows = np.block([[ones, zeros], [zeros, ones], [-x2, x1]])
         shear = np.linalg.pinv(rows) @ np.array([v1, v2, torsion])
         count = len(points)
         return [
@@ -345,13 +349,13 @@ class Dem:
 
     def _gravity(self) -> float:
         """Return the acceleration of gravity; raise InputError where it does not act along −z."""
-        given = self._layout.scene.materials.gravity
-        if isinstance(given, int | float):
-            return float(given)
-        vector = [float(value) for value in given]
+        stated = self._layout.scene.materials.gravity
+        if isinstance(stated, int | float):
+            return float(stated)
+        vector = [float(value) for value in stated]
         if any(vector[:-1]) or vector[-1] > 0.0:
             raise InputError(
-                "materials.gravity", f"it acts along {given}", "gravity downwards: compas_dem knows no other"
+                "materials.gravity", f"it acts along {stated}", "gravity downwards: compas_dem knows no other"
             )
         return -vector[-1]
 
@@ -371,12 +375,12 @@ class Dem:
             loads = [(force, None, at)] if any(force) else []
             if moment is not None and np.any(moment):
                 loads.append(([0.0, 0.0, 0.0], moment, None))
-            for part, (vector, turning, place) in enumerate(loads):
+            for part, (vector, turning, point) in enumerate(loads):
                 data = {
                     "block_index": block,
                     "force": vector,
                     "moment": turning,
-                    "point": place,
+                    "point": point,
                     "loading_type": "ramp",
                 }
                 points.append(self._object("compas_dem.problem/PointLoad", f"{name} {number} {part}", data))
@@ -391,9 +395,9 @@ class Dem:
             return {"name": "MohrCoulomb", "phi": 0.0, "mu": 0.0, "c": None, "t_c": None}
         side = strengths.side(dry=True)
         friction, shear = side.friction[dry], side.shear[dry]
-        for what, values in (("friction", friction), (standard.key_of("dry", "shear"), shear)):
+        for strength, values in (("friction", friction), (standard.key_of("dry", "shear"), shear)):
             if np.ptp(values) > 1e-9 * float(np.abs(values).max()):
-                raise InputError(f"materials ({what})", "joints differ in it", "one contact model for all joints")
+                raise InputError(f"materials ({strength})", "joints differ in it", "one contact model for all joints")
         mu, c = float(friction[0]), float(shear[0])
         return {"name": "MohrCoulomb", "phi": float(np.degrees(np.arctan(mu))), "mu": mu, "c": c or None, "t_c": None}
 
@@ -410,15 +414,15 @@ class Dem:
             axes = self._frame(points, face)
             normal, v1, v2, *_ = self._resultants(face).tolist()
             force = np.array([v1, v2, normal]) @ axes
-            known = edges.setdefault(f"{self._number[a]},{self._number[b]}", {"resultant_global": [0.0, 0.0, 0.0]})
-            known["resultant_global"] = (np.array(known["resultant_global"]) + force).tolist()
-            known["force_magnitude"] = float(np.linalg.norm(known["resultant_global"]))
+            edge = edges.setdefault(f"{self._number[a]},{self._number[b]}", {"resultant_global": [0.0, 0.0, 0.0]})
+            edge["resultant_global"] = (np.array(edge["resultant_global"]) + force).tolist()
+            edge["force_magnitude"] = float(np.linalg.norm(edge["resultant_global"]))
             # a pair with several contacts keeps the first one here; the model holds all of them
-            if "contact_data" not in known:
+            if "contact_data" not in edge:
                 contact = self._contact(points, face)
                 forces = contact["data"]["forces"]
                 corners = {"points": contact["data"]["points"]}
-                known |= {
+                edge |= {
                     "face_contact": True,
                     "edge_contact": False,
                     "point_contact": False,

@@ -174,9 +174,9 @@ def svg_text(layout: Layout, *, cells: bool = False) -> str:
         "cracks": f'fill="none" stroke="#8a3b12" stroke-width="{line:.6g}" stroke-dasharray="{3 * line:.6g}"',
         "ids": f'font-size="{tall:.6g}" text-anchor="middle" fill="#333" font-family="sans-serif"',
     }
-    shown = f'fill="#dfe8f2" stroke="#333" stroke-width="{line:.6g}"'
+    style = f'fill="#dfe8f2" stroke="#333" stroke-width="{line:.6g}"'
     body = [
-        f'<g id="{layer}" {looks.get(layer, shown)}>\n' + "\n".join(parts) + "\n</g>"
+        f'<g id="{layer}" {looks.get(layer, style)}>\n' + "\n".join(parts) + "\n</g>"
         for layer, parts in sorted(groups.items(), key=lambda item: (item[0] in looks, item[0] == "ids"))
     ]
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{" ".join(f"{v:.9g}" for v in box)}" width="800">'
@@ -212,9 +212,9 @@ class _File:
     def __init__(self, rhino: Any, layout: Layout) -> None:
         self._rhino, self._layout = rhino, layout
         self.model = rhino.File3dm()
-        named = {name: unit for unit, name in UNITS.items()}
+        rhino_units = {name: unit for unit, name in UNITS.items()}
         length = layout.assembly.units[0]
-        unit = named.get(length)
+        unit = rhino_units.get(length)
         self.model.Settings.ModelUnitSystem = getattr(rhino.UnitSystem, unit) if unit else rhino.UnitSystem.Unset
         self._layers: dict[str, int] = {}
         self._facts = block_facts(layout)
@@ -227,11 +227,11 @@ class _File:
             colour = _RHINO_COLOURS.get(layer) or _SHAPES[(int(shape) if shape.isdigit() else 0) % len(_SHAPES)]
             made.Color = (*colour, 255)
             self._layers[layer] = self.model.Layers.Add(made)
-        found = self._rhino.ObjectAttributes()
-        found.LayerIndex, found.Name = self._layers[layer], name
+        attributes = self._rhino.ObjectAttributes()
+        attributes.LayerIndex, attributes.Name = self._layers[layer], name
         for key, value in (facts or {}).items():
-            found.SetUserString(key, f"{value:.12g}" if isinstance(value, float) else str(value))
-        return found
+            attributes.SetUserString(key, f"{value:.12g}" if isinstance(value, float) else str(value))
+        return attributes
 
     def _curve(self, points: Floats, attributes: Any, *, closed: bool) -> None:
         """Add a polyline; planar points (k, 2) lie at z = 0."""
@@ -241,8 +241,8 @@ class _File:
         self.model.Objects.AddCurve(line.ToPolylineCurve(), attributes)
 
     def _layer_of(self, block: int) -> str:
-        found = self._layout.blocks[block]
-        return "SUPPORTS" if found.support and not found.cells else f"SHAPE_{found.shape:02d}"
+        block_found = self._layout.blocks[block]
+        return "SUPPORTS" if block_found.support and not block_found.cells else f"SHAPE_{block_found.shape:02d}"
 
     def _store(self, facts: dict[str, Any]) -> None:
         """Store scene data in the document's user text."""

@@ -145,21 +145,21 @@ class _Ifc:
             make("IfcPropertySingleValue", Name=key, NominalValue=make(kind, value))
             for key, kind, value in _values(facts, self._kilograms)
         ]
-        found = make(
+        property_set = make(
             "IfcPropertySet", GlobalId=self._id(f"properties {name}"), Name=PROPERTIES, HasProperties=properties
         )
         make(
             "IfcRelDefinesByProperties",
             GlobalId=self._id(f"defines {name}"),
             RelatedObjects=[element],
-            RelatingPropertyDefinition=found,
+            RelatingPropertyDefinition=property_set,
         )
         return element
 
     def _brep(self, surface: unions.Surface) -> Any:
         make = self.model.create_entity
-        places = (self._scale * np.asarray(surface.points)).tolist()
-        points = [make("IfcCartesianPoint", Coordinates=tuple(place)) for place in places]
+        coordinates = (self._scale * np.asarray(surface.points)).tolist()
+        points = [make("IfcCartesianPoint", Coordinates=tuple(corner)) for corner in coordinates]
         faces = []
         for loop in surface.faces:
             ring = make("IfcPolyLoop", Polygon=[points[index] for index in loop])
@@ -182,21 +182,23 @@ class _Ifc:
             if mass > 0.0 and volume > 0.0:
                 density = float(f"{mass * self._kilograms / (volume * self._cubic_metres):.12g}")
                 by_density.setdefault(density, []).append(element)
-        for density, own in by_density.items():
+        for density, of_density in by_density.items():
             material = make("IfcMaterial", Name=f"{density:.12g} kg/m3")
-            stated = make("IfcPropertySingleValue", Name=DENSITY, NominalValue=make("IfcMassDensityMeasure", density))
-            make("IfcMaterialProperties", Name=MATERIAL_PROPERTIES, Properties=[stated], Material=material)
+            property_ = make(
+                "IfcPropertySingleValue", Name=DENSITY, NominalValue=make("IfcMassDensityMeasure", density)
+            )
+            make("IfcMaterialProperties", Name=MATERIAL_PROPERTIES, Properties=[property_], Material=material)
             make(
                 "IfcRelAssociatesMaterial",
                 GlobalId=self._id(f"material {density:.12g}"),
-                RelatedObjects=own,
+                RelatedObjects=of_density,
                 RelatingMaterial=material,
             )
 
 
 def _values(facts: BlockFacts, kilograms: float) -> list[tuple[str, str, Any]]:
     """Return name, IFC type and value of each property of a block that is known."""
-    found: list[tuple[str, str, Any]] = [
+    values: list[tuple[str, str, Any]] = [
         ("Block", "IfcLabel", files.printable(facts.block)),
         ("Elements", "IfcText", files.printable(" ".join(facts.elements))),
         ("Support", "IfcBoolean", facts.support),
@@ -205,12 +207,12 @@ def _values(facts: BlockFacts, kilograms: float) -> list[tuple[str, str, Any]]:
         ("InnerFaces", "IfcInteger", facts.inner),
     ]
     if facts.shape:
-        found.append(("Mould", "IfcInteger", facts.shape))
+        values.append(("Mould", "IfcInteger", facts.shape))
     if facts.order is not None:
-        found.append(("Order", "IfcInteger", facts.order))
+        values.append(("Order", "IfcInteger", facts.order))
     if facts.load_factor is not None:
-        found.append(("LoadFactor", "IfcReal", facts.load_factor))
-    return found
+        values.append(("LoadFactor", "IfcReal", facts.load_factor))
+    return values
 
 
 # Prefixes of the metre; other units are conversion based
@@ -329,20 +331,22 @@ class _Part21:
         form = self.add(f"PRODUCT_DEFINITION_SHAPE('','',{definition})")
         self.add(f"SHAPE_DEFINITION_REPRESENTATION({form},{shape})")
 
-    def _point(self, place: Floats) -> str:
-        return self.add(f"CARTESIAN_POINT('',{_triple(place)})")
+    def _point(self, point: Floats) -> str:
+        return self.add(f"CARTESIAN_POINT('',{_triple(point)})")
 
     def _direction(self, vector: Floats) -> str:
         return self.add(f"DIRECTION('',{_triple(vector / np.linalg.norm(vector))})")
 
-    def _placement(self, place: Floats, axis: Floats, along: Floats) -> str:
+    def _placement(self, origin: Floats, axis: Floats, along: Floats) -> str:
         """Add a frame by origin, axis and first direction, (3,) each; return its reference."""
-        return self.add(f"AXIS2_PLACEMENT_3D('',{self._point(place)},{self._direction(axis)},{self._direction(along)})")
+        return self.add(
+            f"AXIS2_PLACEMENT_3D('',{self._point(origin)},{self._direction(axis)},{self._direction(along)})"
+        )
 
     def solid(self, name: str, surface: unions.Surface) -> str:
         # Each edge is shared by the two faces that meet in it.
-        places = [self._point(point) for point in surface.points]
-        vertices = [self.add(f"VERTEX_POINT('',{place})") for place in places]
+        points = [self._point(point) for point in surface.points]
+        vertices = [self.add(f"VERTEX_POINT('',{place})") for place in points]
         edges: dict[tuple[int, int], str] = {}
         faces = []
         for loop in surface.faces:
@@ -354,7 +358,7 @@ class _Part21:
                     along = surface.points[key[1]] - surface.points[key[0]]
                     length = float(np.linalg.norm(along))
                     vector = self.add(f"VECTOR('',{self._direction(along)},{_real(length)})")
-                    line = self.add(f"LINE('',{places[key[0]]},{vector})")
+                    line = self.add(f"LINE('',{points[key[0]]},{vector})")
                     edges[key] = self.add(f"EDGE_CURVE('',{vertices[key[0]]},{vertices[key[1]]},{line},.T.)")
                 sense = ".T." if (a, b) == key else ".F."
                 oriented.append(self.add(f"ORIENTED_EDGE('',*,*,{edges[key]},{sense})"))
@@ -450,8 +454,8 @@ def _convex(surface: unions.Surface) -> bool:
 
 
 def _median(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else 0.0
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if len(finite) else 0.0
 
 
 def _word(name: str) -> str:
@@ -609,10 +613,10 @@ def gltf_bytes(layout: Layout, *, cells: bool) -> bytes:
         attributes = {"POSITION": stored(points, bounds=True), "NORMAL": stored(normals, bounds=False)}
         material = 0 if support else 1 + fact.shape % len(_COLOURS)
         meshes.append({"name": name, "primitives": [{"attributes": attributes, "material": material, "mode": 4}]})
-        place = (scale * middle)[[0, 2, 1]] * [1.0, 1.0, -1.0]
+        position = (scale * middle)[[0, 2, 1]] * [1.0, 1.0, -1.0]
         sizes = {"mass": (layout.assembly.kilograms or 1.0) * fact.mass, "volume": scale**3 * fact.volume}
         extras = fact.entries() | {name: float(f"{size:.12g}") for name, size in sizes.items()}
-        nodes.append({"name": name, "mesh": number, "translation": place.tolist(), "extras": extras})
+        nodes.append({"name": name, "mesh": number, "translation": position.tolist(), "extras": extras})
     materials = [_material("supports", (0.6, 0.6, 0.6))]
     materials += [_material(f"shape {k}", colour) for k, colour in enumerate(_COLOURS)]
     document = {

@@ -143,12 +143,12 @@ class BoxProblem:
         """Compute scaled dead and live loads on free elements over a box: (4^p, 3·free) in Bernstein form."""
         area, moment = self._bernstein_moments(low, high)
         free = self._assembly.elements.free
-        whole = self._mesh_areas()
+        areas = self._mesh_areas()
         dead_and_live = []
         for load, by_volume in self._loads:
             fixed = load.copy()
             fixed[:, :2] -= by_volume
-            share = by_volume / whole[:, None]
+            share = by_volume / areas[:, None]
             total = np.broadcast_to(fixed, (len(area), *fixed.shape)).copy()
             total[..., :2] += area[..., None] * share
             total[..., 2] += moment[..., 0] * share[:, 1] - moment[..., 1] * share[:, 0]
@@ -399,13 +399,13 @@ class _Search:
             self.best = (low, parameters, result)
         return result
 
-    def split(self, low: Floats, high: Floats, whole: Floats) -> tuple[int, list[tuple[BoxBound, Floats, Floats]]]:
+    def split(self, low: Floats, high: Floats, sides: Floats) -> tuple[int, list[tuple[BoxBound, Floats, Floats]]]:
         """Halve a box where the larger bound of both halves is least; return parameter and halves.
 
         Each half has bound, low and high (p,). whole: (p,) size of the first box.
         """
         choices = []
-        width = (high - low) / whole
+        width = (high - low) / sides
         for axis in np.flatnonzero(width >= _WIDE * width.max()).tolist():
             middle = 0.5 * (low[axis] + high[axis])
             halves = []
@@ -514,7 +514,7 @@ def _branch(
     progress: Callable[[float, float, int], None] | None,
 ) -> float:
     """Split the box of largest bound until gap or time end; return a bound on all positions."""
-    whole = high - low
+    sides = high - low
     heap = [(-tree.bound, 0, low, high, tree)]
     number, closed = 0, -math.inf
     while heap:
@@ -527,10 +527,10 @@ def _branch(
             return bound
         heapq.heappop(heap)
         search.try_position(0.5 * (start + end))
-        if ((end - start) / whole).max() < _NARROW:
+        if ((end - start) / sides).max() < _NARROW:
             closed = max(closed, -value)
             continue
-        node.axis, halves = search.split(start, end, whole)
+        node.axis, halves = search.split(start, end, sides)
         node.at = float(halves[1][1][node.axis])
         for half, half_start, half_end in halves:
             # a bound of the whole holds for its parts

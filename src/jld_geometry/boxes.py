@@ -92,14 +92,14 @@ def _claim(head: dict[str, Any]) -> BoxClaim:
     if not isinstance(head["scene"], dict) or not isinstance(head["made_by"], str):
         raise ValueError
     box = tuple(_pair(ends) for ends in head["box"])
-    directions = tuple(tuple((_pair(point), _pair(way)) for point, way in motion) for motion in head["directions"])
-    stated = head["load_factor"]
+    directions = tuple(tuple((_pair(point), _pair(step)) for point, step in motion) for motion in head["directions"])
+    factor = head["load_factor"]
     best = None if head["parameters"] is None else tuple(_number(value) for value in head["parameters"])
     if not box or len(directions) != len(box) or any(low >= high for low, high in box):
         raise ValueError
-    if (stated is None) != (best is None) or (best is not None and len(best) != len(box)):
+    if (factor is None) != (best is None) or (best is not None and len(best) != len(box)):
         raise ValueError
-    load_factor = None if stated is None else _number(stated)
+    load_factor = None if factor is None else _number(factor)
     return BoxClaim(head["scene"], _number(head["bound"]), box, directions, best, load_factor, head["made_by"])
 
 
@@ -121,10 +121,10 @@ def _node(line: dict[str, Any]) -> Node:
 
 def _number(value: object) -> float:
     """Return a finite number; raise ValueError for anything else."""
-    found = certificate.finite(value)
-    if found is None:
+    number = certificate.finite(value)
+    if number is None:
         raise ValueError
-    return found
+    return number
 
 
 def _pair(values: object) -> Pair:
@@ -138,11 +138,11 @@ def _pair(values: object) -> Pair:
 Polynomial = dict[tuple[int, ...], Fraction | int]
 
 
-def product(one: Polynomial, other: Polynomial) -> Polynomial:
+def product(first: Polynomial, second: Polynomial) -> Polynomial:
     polynomial: Polynomial = {}
-    for left, factor in one.items():
-        for right, value in other.items():
-            power = tuple(a + b for a, b in zip(left, right, strict=True))
+    for power_of_first, factor in first.items():
+        for power_of_second, value in second.items():
+            power = tuple(a + b for a, b in zip(power_of_first, power_of_second, strict=True))
             polynomial[power] = polynomial.get(power, 0) + factor * value
     return polynomial
 
@@ -160,14 +160,14 @@ def is_at_least_zero(polynomial: Polynomial, parameters: int, degree: int, *, st
     if all(not any(power) for power, _ in terms):
         return terms[0][1] > 0
     weights = _weights(degree)
-    places: list[tuple[int, ...]] = [()]
+    indices: list[tuple[int, ...]] = [()]
     for _ in range(parameters):
-        places = [(*place, k) for place in places for k in range(degree + 1)]
-    for place in places:
+        indices = [(*index, k) for index in indices for k in range(degree + 1)]
+    for index in indices:
         total: Fraction | int = 0
         for power, value in terms:
             weight = 1
-            for k, exponent in zip(place, power, strict=True):
+            for k, exponent in zip(index, power, strict=True):
                 weight *= weights[k][exponent]
             total += weight * value
         if total < 0 or (strictly and total == 0):
@@ -221,46 +221,46 @@ class BoxStructure:
         for entry in entries:
             outline = [(point[0], point[1]) for point in entry.polygon or []]
             self.outlines.append(outline if _twice_area(outline) > 0 else outline[::-1])
-        self._ways = self._displacements(claim)
-        self.changing = {k for k, loop in enumerate(self.outlines) if any(point in self._ways for point in loop)}
+        self._steps = self._displacements(claim)
+        self.changing = {k for k, loop in enumerate(self.outlines) if any(point in self._steps for point in loop)}
         self.joints = self._joints(scene)
         thickness = Fraction(scene.plane_thickness)
         density, sizes = self._weights(scene, thickness)
         loads = uncertain.with_means(scene.loads.model_dump(mode="json"))
-        stated = loads["cases"] or [{"dead": [], "live": loads["live"], "required": 1.0}]
+        cases = loads["cases"] or [{"dead": [], "live": loads["live"], "required": 1.0}]
         self.cases = []
-        for case in stated:
+        for case in cases:
             dead = self._loads([*loads["dead"], *case["dead"]], sizes, density)
             self.cases.append((dead, self._loads(case["live"], sizes, {}), Fraction(case["required"])))
         self._require_all_loads(build_assembly(scene))
 
     def _require_all_loads(self, assembly: Assembly) -> None:
         # such as fill
-        for (*known, _), case in zip(self.cases, assembly.by_case, strict=True):
-            for loads, stated in zip(known, (case.dead, case.live), strict=True):
-                found = np.zeros_like(stated)
+        for (*own_loads, _), case in zip(self.cases, assembly.by_case, strict=True):
+            for loads, resultants in zip(own_loads, (case.dead, case.live), strict=True):
+                sums = np.zeros_like(resultants)
                 for k, force in loads.per_area.items():
-                    found[k, :2] += [float(one * _twice_area(self.outlines[k]) / 2) for one in force]
+                    sums[k, :2] += [float(component * _twice_area(self.outlines[k]) / 2) for component in force]
                 for k, (x, y), at, moment in loads.points:
                     centre = _centroid(self.outlines[k])
                     turn = (at[0] - centre[0]) * y - (at[1] - centre[1]) * x + moment
-                    found[k] += [float(x), float(y), float(turn)]
-                least = _SAME * max(1.0, assembly.size) * abs(stated).max(initial=0.0)
-                if not np.allclose(found, stated, rtol=_SAME, atol=least):
+                    sums[k] += [float(x), float(y), float(turn)]
+                least = _SAME * max(1.0, assembly.size) * abs(resultants).max(initial=0.0)
+                if not np.allclose(sums, resultants, rtol=_SAME, atol=least):
                     raise InputError("loads", "some, such as fill, are not checked", "forces and moments on elements")
 
     def _displacements(self, claim: BoxClaim) -> dict[Pair, list[Vector]]:
         corners = {point for loop in self.outlines for point in loop}
-        ways: dict[Pair, list[Vector]] = {}
+        steps: dict[Pair, list[Vector]] = {}
         for parameter, motion in enumerate(claim.directions):
             if len({point for point, _ in motion}) < len(motion):
                 raise InputError("directions", "a point stands twice in one of them", "each point once")
-            for point, way in motion:
+            for point, step in motion:
                 if point not in corners:
                     raise InputError("directions", f"{list(point)} is no corner of an element", "corners of elements")
-                still = [(Fraction(0), Fraction(0)) for _ in range(self.parameters)]
-                ways.setdefault(point, still)[parameter] = (Fraction(way[0]), Fraction(way[1]))
-        return ways
+                no_steps = [(Fraction(0), Fraction(0)) for _ in range(self.parameters)]
+                steps.setdefault(point, no_steps)[parameter] = (Fraction(step[0]), Fraction(step[1]))
+        return steps
 
     def _joints(self, scene: Scene) -> list[Joint]:
         """Return the joints of a scene, except those between two supports; InputError for others."""
@@ -291,7 +291,7 @@ class BoxStructure:
         gravity = scene.materials.gravity
         vector = [0.0, -gravity] if isinstance(gravity, float | int) else list(gravity)
         size = math.hypot(*vector)
-        way = (Fraction(0), Fraction(-1)) if size == 0.0 else (Fraction(vector[0] / size), Fraction(vector[1] / size))
+        down = (Fraction(0), Fraction(-1)) if size == 0.0 else (Fraction(vector[0] / size), Fraction(vector[1] / size))
         weights, sizes = {}, {}
         for k, entry in enumerate(scene.elements or []):
             if k not in self.free:
@@ -301,11 +301,11 @@ class BoxStructure:
                     problem = f"the weight of {entry.id!r} is stated, and its shape changes"
                     raise InputError("elements", problem, "a density")
                 sizes[k] = Fraction(entry.weight) / (_twice_area(self.outlines[k]) / 2)
-                weights[k] = (sizes[k] * way[0], sizes[k] * way[1])
+                weights[k] = (sizes[k] * down[0], sizes[k] * down[1])
                 continue
             density = entry.density if entry.density is not None else scene.materials.density or 0.0
             sizes[k] = Fraction(density) * thickness * Fraction(size)
-            weights[k] = tuple(Fraction(density) * thickness * Fraction(one) for one in vector)  # type: ignore[assignment]
+            weights[k] = tuple(Fraction(density) * thickness * Fraction(component) for component in vector)  # type: ignore[assignment]
         return weights, sizes
 
     def _loads(self, entries: list[dict[str, Any]], sizes: dict[int, Fraction], weights: dict[int, Vector]) -> Loads:
@@ -326,9 +326,9 @@ class BoxStructure:
             if at is None and force is not None and k in self.changing:
                 problem = f"a force acts at the centroid of {name!r}, whose shape changes"
                 raise InputError("loads", problem, 'a force with "at"')
-            place = _centroid(self.outlines[k]) if at is None else (Fraction(at[0]), Fraction(at[1]))
+            at_point = _centroid(self.outlines[k]) if at is None else (Fraction(at[0]), Fraction(at[1]))
             x, y = (Fraction(value) for value in force or [0.0, 0.0])
-            points.append((k, (x, y), place, Fraction(entry["moment"])))
+            points.append((k, (x, y), at_point, Fraction(entry["moment"])))
         return Loads(per_area, points)
 
     # --- polynomials over a box ------------------------------------------------------------------------
@@ -336,16 +336,16 @@ class BoxStructure:
     def place(self, point: Pair, low: list[Fraction], high: list[Fraction]) -> tuple[Polynomial, Polynomial]:
         """Return the coordinates x and y of a point over a box, as polynomials on the unit box."""
         # The variables of the polynomials run from 0 to 1 in the box.
-        none = (0,) * self.parameters
-        ways = self._ways.get(point)
+        constant = (0,) * self.parameters
+        steps = self._steps.get(point)
         coordinates: tuple[Polynomial, Polynomial] = ({}, {})
         for axis in range(2):
-            coordinates[axis][none] = Fraction(point[axis])
-            for k, way in enumerate(ways or []):
-                if way[axis]:
-                    coordinates[axis][none] += way[axis] * low[k]
+            coordinates[axis][constant] = Fraction(point[axis])
+            for k, step in enumerate(steps or []):
+                if step[axis]:
+                    coordinates[axis][constant] += step[axis] * low[k]
                     power = tuple(int(j == k) for j in range(self.parameters))
-                    coordinates[axis][power] = way[axis] * (high[k] - low[k])
+                    coordinates[axis][power] = step[axis] * (high[k] - low[k])
         return coordinates
 
     def moments(
@@ -434,25 +434,25 @@ def verify_box(path: Path, scene: Scene | None = None) -> VerifiedBox:
     """Check a certificate of `jld move --prove`; InputError for the first thing that does not hold."""
     start = time.perf_counter()
     claim, nodes = read(path)
-    held = parse_scene(claim.scene, str(path))
+    own_scene = parse_scene(claim.scene, str(path))
     if scene is not None:
-        _require_same(scene, held, str(path))
+        _require_same(scene, own_scene, str(path))
     try:
-        boxes = check_boxes(held, claim, nodes)
+        boxes = check_boxes(own_scene, claim, nodes)
     except InputError as error:
         raise error.within(str(path)) from None
-    return VerifiedBox(claim, held, boxes, path.stat().st_size, time.perf_counter() - start)
+    return VerifiedBox(claim, own_scene, boxes, path.stat().st_size, time.perf_counter() - start)
 
 
-def _require_same(scene: Scene, held: Scene, path: str) -> None:
+def _require_same(scene: Scene, own: Scene, path: str) -> None:
     """Raise InputError unless two scenes are the same structure and loads, to 1e-9."""
-    one, other = build_assembly(scene), build_assembly(held)
-    if one.elements.ids != other.elements.ids or _numbers(one).shape != _numbers(other).shape:
+    given, stated = build_assembly(scene), build_assembly(own)
+    if given.elements.ids != stated.elements.ids or _numbers(given).shape != _numbers(stated).shape:
         same = False
     else:
-        same = np.allclose(_numbers(one), _numbers(other), rtol=_SAME, atol=_SAME)
+        same = np.allclose(_numbers(given), _numbers(stated), rtol=_SAME, atol=_SAME)
     if not same:
-        raise InputError(path, f"it is of another scene ({held.name!r})", f"a certificate of {scene.name!r}")
+        raise InputError(path, f"it is of another scene ({own.name!r})", f"a certificate of {scene.name!r}")
 
 
 def _numbers(assembly: Assembly) -> Floats:
@@ -464,7 +464,7 @@ def _numbers(assembly: Assembly) -> Floats:
     scaled = [load / (most or 1.0) for load, most in zip(loads, largest.tolist(), strict=True)]
     parts = [elements.centroid / size, elements.volume, faces.origin / size, faces.l1, largest, *scaled]
     parts += [assembly.strengths(_ROUTE).friction, assembly.required]
-    parts += [one.astype(float) for one in (faces.a, faces.b, assembly.labels)]
+    parts += [values.astype(float) for values in (faces.a, faces.b, assembly.labels)]
     return np.concatenate([part.ravel() for part in parts])
 
 

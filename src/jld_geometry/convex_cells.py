@@ -144,14 +144,14 @@ def equal_corners(outlines: list[Ints], places: Floats, changing: Bools) -> list
     ]
 
 
-def _match_corners(places: Floats, one: Ints, other: Ints) -> Ints | None:
-    """Reorder the corners `other` to match an equal outline `one`; None if they are not equal."""
-    if len(one) != len(other):
+def _match_corners(places: Floats, first: Ints, second: Ints) -> Ints | None:
+    """Reorder corners of the second outline to match an equal first one; None if they are not equal."""
+    if len(first) != len(second):
         return None
-    distances = _distances(places[one])
-    for way in (other, other[::-1]):
-        for shift in range(len(way)):
-            turned = np.roll(way, -shift)
+    distances = _distances(places[first])
+    for order in (second, second[::-1]):
+        for shift in range(len(order)):
+            turned = np.roll(order, -shift)
             if abs(_distances(places[turned]) - distances).max() <= _EQUAL * distances.max():
                 return turned
     return None
@@ -167,9 +167,9 @@ class EqualShapes:
     def __init__(self, pairs: list[tuple[Ints, Ints]], places: Floats) -> None:
         # of an outline with k corners, the k edges and the k − 3 diagonals from its first corner are compared
         rows = []
-        for one, other in pairs:
-            ends = [(k, (k + 1) % len(one)) for k in range(len(one))] + [(0, k) for k in range(2, len(one) - 1)]
-            rows += [[one[i], one[j], other[i], other[j]] for i, j in ends]
+        for first, second in pairs:
+            ends = [(k, (k + 1) % len(first)) for k in range(len(first))] + [(0, k) for k in range(2, len(first) - 1)]
+            rows += [[first[i], first[j], second[i], second[j]] for i, j in ends]
         self._rows: Ints = np.array(rows, dtype=np.int64).reshape(-1, 4)
         self._unit = np.linalg.norm(places[self._rows[:, 1]] - places[self._rows[:, 0]], axis=1) ** 2
         self._start, _ = self._differences(places)
@@ -221,10 +221,10 @@ class VertexMesh:
     def on_outline(self) -> Bools:
         """True (v,) for the vertices on the boundary of the structure."""
         edges = self.edges[1]
-        known = {(int(i), int(j)) for i, j in edges}
+        pairs = {(int(i), int(j)) for i, j in edges}
         on = np.zeros(len(self.places), dtype=bool)
-        for i, j in sorted(known):
-            if (j, i) not in known:
+        for i, j in sorted(pairs):
+            if (j, i) not in pairs:
                 on[[i, j]] = True
         return on
 

@@ -71,14 +71,14 @@ class FieldMesh:
         old = self.setting
         points = self.base.points + self.follow @ moved
         try:
-            segments, rest = fields_loads.loaded_segments(assembly)
+            segments, others = fields_loads.loaded_segments(assembly)
             before, ends = _ends(old.loads.tractions), _ends(segments)
             if len(ends) != len(before):
                 return None
             for node in self.loaded.tolist():
                 points[node] = ends[int(np.argmin(np.linalg.norm(before - self.base.points[node], axis=1)))]
             base = replace(self.base, points=points)
-            loads = fields_loads.loads_on(assembly, base, segments, rest)
+            loads = fields_loads.loads_on(assembly, base, segments, others)
         except InputError:  # a place that this search leaves out, as an element that turns over
             return None
         if not _covers(assembly, base):
@@ -214,8 +214,8 @@ class FieldSearch:
         places = self._search.variables.places
         moved = places(values) - places(point.values)
         meshes = [one.at(case, moved) for one, case in zip(point.meshes, assembly.by_case, strict=True)]
-        known = tuple(mesh for mesh in meshes if mesh is not None)
-        return self._solved(values, assembly, known) if len(known) == len(meshes) else None
+        usable = tuple(mesh for mesh in meshes if mesh is not None)
+        return self._solved(values, assembly, usable) if len(usable) == len(meshes) else None
 
     def bracket(self, point: FieldPoint) -> tuple[float, float]:
         """Return certified bounds on the governing factor, by the meshes of a point."""
@@ -299,10 +299,10 @@ class _StepRows:
     def program(self) -> ConeProgram:
         objective = np.zeros(self._width)
         objective[-1] = -1.0
-        whole = sp.csr_array(sp.vstack([rows for group in self._groups for rows, _ in group]))
+        matrix = sp.csr_array(sp.vstack([rows for group in self._groups for rows, _ in group]))
         right = np.concatenate([right for group in self._groups for _, right in group])
         equations, inequalities, of_cones = (sum(rows.shape[0] for rows, _ in group) for group in self._groups)
-        return ConeProgram(objective, whole, right, ConeSizes(equations, inequalities, of_cones // 3))
+        return ConeProgram(objective, matrix, right, ConeSizes(equations, inequalities, of_cones // 3))
 
 
 def _program(point: FieldPoint, region: Region, required: Floats) -> _Step:

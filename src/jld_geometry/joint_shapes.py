@@ -114,7 +114,7 @@ def solids_with_shape(scene: Scene, assembly: Assembly, labels: Bits, shape: Sha
         problem = "joints in space run along a direction" if direction is None else "it is no direction"
         raise ParameterError("direction", problem, "X,Y,Z along the joints, as 0,1,0")
     elements, blocks = assembly.elements, blocks_of(assembly, labels)
-    cells = [[ConvexCell(*one)] for one in zip(elements.shape, elements.faces, strict=True)]
+    cells = [[ConvexCell(*solid)] for solid in zip(elements.shape, elements.faces, strict=True)]
     unit = direction / np.linalg.norm(direction)
     shaped = [SolidJoint(assembly, face, unit) for face in np.flatnonzero(labels).tolist()]
     shaped = [joint for joint in shaped if not joint.across]
@@ -136,7 +136,7 @@ def solids_with_shape(scene: Scene, assembly: Assembly, labels: Bits, shape: Sha
     unlabelled = build_assembly(parse_scene(document, "the scene with shaped joints"))
     names, faces = unlabelled.elements.ids, unlabelled.interfaces
     pairs = {(names[a], names[b]): None for a, b in zip(faces.a.tolist(), faces.b.tolist(), strict=True)}
-    document["labels"]["inner"] = [[one, other] for one, other in pairs if owner[one] == owner[other]]
+    document["labels"]["inner"] = [[solid, other] for solid, other in pairs if owner[solid] == owner[other]]
     return parse_scene(document, "the scene with shaped joints")
 
 
@@ -154,9 +154,9 @@ class SolidJoint:
             return
         self._run = run / np.linalg.norm(run)
         self._along = np.cross(self._normal, self._run)
-        places = (self._polygon - faces.origin[face]) @ self._along
-        self._length = float(np.ptp(places))
-        self._start = faces.origin[face] + places.min() * self._along
+        along = (self._polygon - faces.origin[face]) @ self._along
+        self._length = float(np.ptp(along))
+        self._start = faces.origin[face] + along.min() * self._along
 
     def cut(self, shape: Shape, cells: list[list[ConvexCell]]) -> None:
         """Cut each tooth of the joint out of one element's cells, and add it to the other's."""
@@ -168,15 +168,15 @@ class SolidJoint:
                 raise InputError(where, "it is not convex", "convex elements at joints with a shape")
             profile, ends = self._profile(outline), self._ends(receiver)
             root: Plane = (-side * self._normal, float(-side * self._normal @ self._start))
-            whole = inside(self._box(), [*profile, *ends, root])
+            both = inside(self._box(), [*profile, *ends, root])
             order = [*([] if isinstance(shape, Key) else self._around(outline, side)), *profile, *ends]
             teeth, remaining = list[ConvexCell](), list[ConvexCell]()
             for cell in cells[receiver]:
                 tooth, parts = _taken(cell, order)
                 teeth += [] if tooth is None else [tooth]
                 remaining += parts
-            volume = 0.0 if whole is None else whole.volume
-            if whole is None or sum(one.volume for one in teeth) < volume * (1.0 - _SAME):
+            volume = 0.0 if both is None else both.volume
+            if both is None or sum(one.volume for one in teeth) < volume * (1.0 - _SAME):
                 names = [elements.ids[k] for k in (giver, receiver)]
                 problem = f"a tooth of {names[0]!r} does not fit into {names[1]!r}"
                 raise InputError("joint", problem, "a smaller depth, amplitude or slope, or fewer joints")
@@ -258,11 +258,11 @@ def _parts_of(entry: dict[str, Any], cells: list[ConvexCell]) -> list[dict[str, 
     """Return the entries of the cells of an element, which share its weight by volume; the first keeps its name."""
     if len(cells) == 1 and "vertices" in entry and len(entry["vertices"]) == len(cells[0].vertices):
         return [entry]
-    whole, parts = sum(cell.volume for cell in cells), []
+    volume, parts = sum(cell.volume for cell in cells), []
     for number, cell in enumerate(cells):
         part = {name: value for name, value in entry.items() if name != "centroid"}
         part |= {"vertices": cell.vertices.tolist(), "faces": [list(loop) for loop in cell.faces]}
-        part |= {name: entry[name] * cell.volume / whole for name in ("weight", "volume") if name in entry}
+        part |= {name: entry[name] * cell.volume / volume for name in ("weight", "volume") if name in entry}
         if number:
             part.pop("support", None)  # what is cut off a support may break off
             part["id"] = f"{entry['id']}~{number}"
@@ -296,8 +296,10 @@ def shaped_scene(
     shape.check()
     assembly.members.refuse("a shape of joints")
     geometry = build_geometry(scene)
-    given = any(one is not None and set(one.model_dump(exclude_defaults=True)) > _PLAIN for one in geometry.given)
-    if given or scene.materials.faces:
+    own = any(
+        contact is not None and set(contact.model_dump(exclude_defaults=True)) > _PLAIN for contact in geometry.given
+    )
+    if own or scene.materials.faces:
         raise InputError("interfaces", "single faces state strengths", "strengths in materials")
     if assembly.pressed:
         raise InputError("loads", "pressure on faces does not follow the shape of joints", "point loads and body loads")
@@ -406,8 +408,8 @@ def _planar_cells(assembly: Assembly, labels: Bits, shape: Shape) -> list[list[s
     # bodies first, then what lies beside keys, then teeth
     for key in sorted(groups, key=lambda key: (len(key) == 1, len(key[-1]) if len(key) == 2 else 0, key)):
         element = key[0] if len(key) == 2 else teeth.owners[key[0]][0]
-        whole = shapely.coverage_union_all(groups[key])
-        cells[element] += [part for part in shapely.get_parts(whole) if part.area > _SAME * outlines[element].area]
+        union = shapely.coverage_union_all(groups[key])
+        cells[element] += [part for part in shapely.get_parts(union) if part.area > _SAME * outlines[element].area]
     return cells
 
 
@@ -465,21 +467,21 @@ def shape_joints(
     # Each parameter in turn is raised and lowered by a factor; the factor shrinks where nothing improves. Whole numbers
     # stay. λ is that of cracks by faces, with crack planes at the roots of teeth.
     trials: list[tuple[Shape, float]] = []
-    known: dict[tuple[float, ...], float] = {}
+    value_of: dict[tuple[float, ...], float] = {}
 
-    def value(one: Shape) -> float:
+    def value(shape_tried: Shape) -> float:
         """Return the proven lower bound on λ with a shape, NaN without one."""
-        key: tuple[float, ...] = astuple(one)
-        if key not in known:
-            result = solve_rigid(build_assembly(shaped_scene(scene, assembly, labels, one, direction)))
+        key: tuple[float, ...] = astuple(shape_tried)
+        if key not in value_of:
+            result = solve_rigid(build_assembly(shaped_scene(scene, assembly, labels, shape_tried, direction)))
             locked = result.status is Status.LOCKED
-            known[key] = math.inf if locked else result.bracket[0]
+            value_of[key] = math.inf if locked else result.bracket[0]
             if result.status not in (Status.COLLAPSE, Status.LOCKED):
-                known[key] = math.nan
-            trials.append((one, known[key]))
+                value_of[key] = math.nan
+            trials.append((shape_tried, value_of[key]))
             if progress is not None:
-                progress(one, known[key])
-        return known[key]
+                progress(shape_tried, value_of[key])
+        return value_of[key]
 
     until = time.perf_counter() + seconds
     kept = [(shape, value(shape))]

@@ -78,7 +78,7 @@ class Limits:
     def _angles(self, mesh: VertexMesh, moving: Bools, free: Bools) -> tuple[Ints, Ints]:
         """Return corners of free elements below 180° (c, 3), and straight ones (s, 3)."""
         # Each row holds the vertices before, at and after the corner; one of them moves.
-        loops = [loop for loop, one in zip(mesh.loops, free.tolist(), strict=True) if one]
+        loops = [loop for loop, is_free in zip(mesh.loops, free.tolist(), strict=True) if is_free]
         every = [np.column_stack([np.roll(loop, 1), loop, np.roll(loop, -1)]) for loop in loops]
         corners = np.concatenate(every)
         corners = corners[moving[corners].any(axis=1)]
@@ -89,11 +89,11 @@ class Limits:
 
     def _equal(self, count: int) -> Bools:
         """Mark the limits (count,) that are equations: straight corners if required, equal shapes."""
-        found = np.zeros(count, dtype=bool)
+        equal = np.zeros(count, dtype=bool)
         if self._move.straight:
-            found[: len(self._straight)] = True
-        found[count - len(self._shapes) :] = True
-        return found
+            equal[: len(self._straight)] = True
+        equal[count - len(self._shapes) :] = True
+        return equal
 
     def at(self, places: Floats, *, drafted: bool = False) -> LimitValues:
         """Return the values of all limits and their derivatives at positions (v, 2)."""
@@ -199,10 +199,10 @@ def _angle(places: Floats, corners: Ints) -> Floats:
 
 def _angle_rates(places: Floats, corners: Ints) -> sp.csr_array:
     before, after = places[corners[:, 0]] - places[corners[:, 1]], places[corners[:, 2]] - places[corners[:, 1]]
-    one = np.column_stack([-before[:, 1], before[:, 0]]) / np.einsum("ij,ij->i", before, before)[:, None]
-    two = np.column_stack([-after[:, 1], after[:, 0]]) / np.einsum("ij,ij->i", after, after)[:, None]
+    of_before = np.column_stack([-before[:, 1], before[:, 0]]) / np.einsum("ij,ij->i", before, before)[:, None]
+    of_after = np.column_stack([-after[:, 1], after[:, 0]]) / np.einsum("ij,ij->i", after, after)[:, None]
     columns = (2 * corners[:, :, None] + np.arange(2)).reshape(len(corners), 6)
-    return sparse_rows(np.concatenate([one, two - one, -two], axis=1), columns, places.size)
+    return sparse_rows(np.concatenate([of_before, of_after - of_before, -of_after], axis=1), columns, places.size)
 
 
 def sparse_rows(values: Floats, columns: Ints, size: int) -> sp.csr_array:
@@ -218,8 +218,8 @@ def mass_rows(assembly: Assembly, labels: Bits, changing: Bools) -> sp.csr_array
     grounded = np.isin(block, block[elements.support])
     numbers = np.unique(block[changing & ~grounded])
     members = np.flatnonzero(np.isin(block, numbers))
-    place = np.searchsorted(numbers, block[members])
-    return sp.csr_array((elements.mass[members], (place, members)), shape=(len(numbers), len(elements)))
+    row = np.searchsorted(numbers, block[members])
+    return sp.csr_array((elements.mass[members], (row, members)), shape=(len(numbers), len(elements)))
 
 
 def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[tuple[Floats, int, int, float]]:
@@ -412,8 +412,8 @@ class SpatialLimits:
             rows.append(slopes.ravel() / unit)
             columns.append(_columns(four))
         count = len(self._plane)
-        places_of = np.array(columns, dtype=np.int64).reshape(count, 12)
-        return np.array(values), sparse_rows(np.array(rows).reshape(count, 12), places_of, places.size)
+        column_table = np.array(columns, dtype=np.int64).reshape(count, 12)
+        return np.array(values), sparse_rows(np.array(rows).reshape(count, 12), column_table, places.size)
 
     def _of_volumes(self, places: Floats) -> list[tuple[Floats, sp.csr_array]]:
         """Return limits on volumes of elements and masses of blocks, with their derivatives."""
@@ -442,10 +442,10 @@ def _volume(mesh: SpatialMesh, places: Floats, element: int) -> tuple[float, Flo
     volume, rates = 0.0, np.zeros((len(corners), 3))
     for ring in mesh.rings[element]:
         for second, third in itertools.pairwise(ring[1:]):
-            own = [position[int(v)] for v in (ring[0], second, third)]
+            rows = [position[int(v)] for v in (ring[0], second, third)]
             x, y, z = places[[ring[0], second, third]] - middle
             volume += float(x @ np.cross(y, z)) / 6.0
-            rates[own] += np.array([np.cross(y, z), np.cross(z, x), np.cross(x, y)]) / 6.0
+            rates[rows] += np.array([np.cross(y, z), np.cross(z, x), np.cross(x, y)]) / 6.0
     return volume, rates  # the middle drops out, since the surface is closed
 
 
@@ -471,16 +471,18 @@ def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: scene_move.Mo
     if move.vertices == "joints":
         chosen += _joint_corners(assembly, mesh, held, {vertex for vertex, _ in chosen})
     _require_corners(mesh, assembly, {vertex for vertex, _ in chosen})
-    vertices = np.array([one[0] for one in chosen], dtype=np.int64)
-    ways = np.array([one[1] for one in chosen]).reshape(-1, 3)
-    variables = Variables(mesh.places, vertices, ways, np.full_like(ways, np.nan), np.zeros((0, len(vertices))))
+    vertices = np.array([entry[0] for entry in chosen], dtype=np.int64)
+    directions = np.array([entry[1] for entry in chosen]).reshape(-1, 3)
+    variables = Variables(
+        mesh.places, vertices, directions, np.full_like(directions, np.nan), np.zeros((0, len(vertices)))
+    )
     variables = Variables(**{**vars(variables), "ties": ties_of(variables, assembly, move)})
     if not variables.basis.shape[1]:
         raise InputError("move", "no corner of a joint can move", 'joints with four edges across, or "along"')
     return variables
 
 
-def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: set[int]) -> list[tuple[int, Floats]]:
+def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, named: set[int]) -> list[tuple[int, Floats]]:
     """Return vertex and unit sliding direction (3,) of each corner that belongs to one joint."""
     # Each of the two elements must have exactly one edge from the corner across the joint, at more than 60° to one
     # another.
@@ -489,17 +491,19 @@ def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: se
     corners = []
     for face, polygon in enumerate(mesh.polygons):
         for vertex in polygon.tolist():
-            if held[vertex] or vertex in taken or count[vertex] != 1:
+            if held[vertex] or vertex in named or count[vertex] != 1:
                 continue
-            ways = []
+            directions = []
             for element in (int(faces.a[face]), int(faces.b[face])):
                 ends = edges[(owner == element) & (edges[:, 0] == vertex), 1]
                 across = np.setdiff1d(ends, polygon)
                 if len(across) == 1:
-                    way = mesh.places[across[0]] - mesh.places[vertex]
-                    ways.append(way / np.linalg.norm(way))
-            if len(ways) == 2 and np.linalg.norm(ways[1] - ways[0]) > 1.0:
-                corners.append((vertex, (ways[1] - ways[0]) / float(np.linalg.norm(ways[1] - ways[0]))))
+                    edge = mesh.places[across[0]] - mesh.places[vertex]
+                    directions.append(edge / np.linalg.norm(edge))
+            if len(directions) == 2:
+                sliding = directions[1] - directions[0]
+                if (length := float(np.linalg.norm(sliding))) > 1.0:
+                    corners.append((vertex, sliding / length))
     return corners
 
 

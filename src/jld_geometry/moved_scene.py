@@ -18,12 +18,12 @@ from jld_geometry.variables import SAME
 def _stated_interfaces(geometry: Any, assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
     """Return the interfaces of an assembly as a scene states them, without their places."""
     ids, faces = assembly.elements.ids, assembly.interfaces
-    found = []
-    for k, given in enumerate(geometry.given):
-        own = {} if given is None else given.model_dump(mode="json", exclude_defaults=True)
+    interfaces = []
+    for k, contact in enumerate(geometry.given):
+        strengths = {} if contact is None else contact.model_dump(mode="json", exclude_defaults=True)
         label = "dry" if labels[k] else "inner"
-        found.append({**own, "elements": [ids[faces.a[k]], ids[faces.b[k]]], "label": label})
-    return found
+        interfaces.append({**strengths, "elements": [ids[faces.a[k]], ids[faces.b[k]]], "label": label})
+    return interfaces
 
 
 class MovedScene:
@@ -43,18 +43,18 @@ class MovedScene:
 
     def document(self, places: Floats, friction: float = 1.0) -> dict[str, Any]:
         """Return the scene file as a dict with the vertices at the positions (v, 2), unchecked."""
-        found = dict(self._document)
-        found["elements"] = [
+        document = dict(self._document)
+        document["elements"] = [
             {**entry, "polygon": places[loop].tolist()}
             for entry, loop in zip(self._elements, self._mesh.loops, strict=True)
         ]
-        found["interfaces"] = [
+        document["interfaces"] = [
             {**entry, "polygon": places[ends].tolist()}
             for entry, ends in zip(self._interfaces, self._mesh.ends, strict=True)
         ]
-        if "move" in found:
-            found["move"] = move_with_points(found["move"], self._mesh.places, places, self._size)
-        return found if friction == 1.0 else _with_friction_factor(found, friction)
+        if "move" in document:
+            document["move"] = move_with_points(document["move"], self._mesh.places, places, self._size)
+        return document if friction == 1.0 else _with_friction_factor(document, friction)
 
     def at(self, places: Floats, friction: float = 1.0) -> Scene:
         """Return the validated scene with the vertices at (v, 2); InputError where it is none."""
@@ -94,9 +94,10 @@ def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, 
     materials["dry"] = changed(materials["dry"])
     if "faces" in materials:
         materials["faces"] = [
-            {**one, "dry": changed(one["dry"])} if "dry" in one else one for one in materials["faces"]
+            {**contact, "dry": changed(contact["dry"])} if "dry" in contact else contact
+            for contact in materials["faces"]
         ]
-    interfaces = [changed(one) for one in document["interfaces"]]
+    interfaces = [changed(contact) for contact in document["interfaces"]]
     return {**document, "materials": materials, "interfaces": interfaces}
 
 
@@ -133,7 +134,7 @@ def spatial_mesh(assembly: Assembly) -> SpatialMesh:
     assembly.members.refuse("a move of joints")
     shapes, polygons = assembly.elements.shape, assembly.interfaces.polygon
     places, number = merged_points(np.concatenate([*shapes, *polygons]), _MERGED * shortest_edge(assembly))
-    starts = np.cumsum([0, *(len(one) for one in (*shapes, *polygons))]).tolist()
+    starts = np.cumsum([0, *(len(points) for points in (*shapes, *polygons))]).tolist()
     vertices = [number[a:b] for a, b in itertools.pairwise(starts)]
     corners = tuple(vertices[: len(shapes)])
     rings = tuple(
@@ -166,30 +167,30 @@ class SpatialMovedScene:
         for entry, corner, rings, faces in zip(
             geometry.entries, mesh.corners, mesh.rings, assembly.elements.faces, strict=True
         ):
-            own = entry.model_dump(mode="json", exclude_defaults=True)
+            strengths = entry.model_dump(mode="json", exclude_defaults=True)
             if moving[corner].any():
-                own["faces"] = [
+                strengths["faces"] = [
                     list(part)
                     for ring, face in zip(rings, faces, strict=True)
                     for part in _parts(ring, list(face), joints, moving)
                 ]
-            self._elements.append(own)
+            self._elements.append(strengths)
         self._interfaces = _stated_interfaces(geometry, assembly, labels)
         self._document = document
 
     def at(self, places: Floats, friction: float = 1.0) -> Scene:
-        found = dict(self._document)
-        found["elements"] = [
+        document = dict(self._document)
+        document["elements"] = [
             {**entry, "vertices": places[corner].tolist()}
             for entry, corner in zip(self._elements, self._mesh.corners, strict=True)
         ]
-        found["interfaces"] = [
+        document["interfaces"] = [
             {**entry, "polygon": places[polygon].tolist()}
             for entry, polygon in zip(self._interfaces, self._mesh.polygons, strict=True)
         ]
-        if "move" in found:
-            found["move"] = move_with_points(found["move"], self._mesh.places, places, self._reach)
-        return parse_scene(found, "the moved scene")
+        if "move" in document:
+            document["move"] = move_with_points(document["move"], self._mesh.places, places, self._reach)
+        return parse_scene(document, "the moved scene")
 
 
 def _parts(ring: Ints, face: list[int], joints: set[frozenset[int]], moving: Bools) -> list[list[int]]:

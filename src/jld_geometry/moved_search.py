@@ -88,9 +88,9 @@ def move_one(
     # the layout that the scene states is what a gain is measured by
     before = _bounds(assembly, labels, limit, gap) if row == 0 else _NONE
     mesh = vertex_mesh(assembly)
-    stated = MovedScene(scene, assembly, labels, mesh).at(mesh.places)
+    unmoved = MovedScene(scene, assembly, labels, mesh).at(mesh.places)
     still = MovedLayout(
-        number, row, labels, math.nan, math.nan, before, _NONE, "", stated, mesh.places, np.zeros_like(mesh.places)
+        number, row, labels, math.nan, math.nan, before, _NONE, "", unmoved, mesh.places, np.zeros_like(mesh.places)
     )
     try:
         done = move_by_fields(scene, assembly, labels, seconds=_MOVING * seconds, starts=None)
@@ -112,8 +112,8 @@ def move_one(
 def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
     assembly = build_assembly(layout.scene)
     low, high = _bounds(assembly, assembly.labels, min(seconds, _REFINED), gap)
-    known = layout.fields if layout.moved.any() else layout.fields_start
-    best = (max(known[0], low), min(known[1], high))
+    bracket = layout.fields if layout.moved.any() else layout.fields_start
+    best = (max(bracket[0], low), min(bracket[1], high))
     return replace(layout, fields=best) if layout.moved.any() else replace(layout, fields_start=best)
 
 
@@ -240,9 +240,9 @@ class _Rounds:
     def _search_labels(self, number: int, seconds: float) -> None:
         """Search the labels of the strongest grid so far in a share of the time of a round."""
         scene = self.moved[0].scene if self.moved else self.scene
-        place = self.folder if number == 1 else self.folder / f"round-{number}"
+        folder = self.folder if number == 1 else self.folder / f"round-{number}"
         limit = seconds * _SEARCH if self.deadline.limited else None
-        done = explore(scene, place, replace(self.settings, seconds=limit), announce=self.announce)
+        done = explore(scene, folder, replace(self.settings, seconds=limit), announce=self.announce)
         self.searches.append(done)
 
     def _move_joints(self, pool: Pool, number: int, seconds: float) -> None:
@@ -285,7 +285,7 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
     if layouts < 1:
         raise ParameterError("move", f"{layouts} is no number of layouts", "a whole number from 1")
     plain = SolveOptions(gap=settings.model.gap, solver=settings.model.solver, condense=settings.model.condense)
-    for name, asked in (
+    for name, is_set in (
         ("resume", settings.resume),
         ("certificate", settings.certificate is not None),
         ("robust", settings.robust),
@@ -295,7 +295,7 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
         ("objective", settings.own_objective is not None or settings.model.friction != "associative"),
         ("contact", settings.model != plain),
     ):
-        if asked:
+        if is_set:
             raise ParameterError(name, "layouts whose joints move do not support it", "a search without it or `move`")
     if scene.cracks != "faces":
         raise ParameterError("move", "the search of labels needs cracks by faces", '"cracks": "faces"')
@@ -352,22 +352,22 @@ layout that the scene states; a dash means that nothing is proven.</p>
 def moved_table(done: MovedSearch) -> pd.DataFrame:
     """Return one row per moved layout, ranked by the lower bound of λ by fields."""
     rows = []
-    for rank, one in enumerate(done.layouts, 1):
-        low, high = one.fields_start
-        moved_low, moved_high = one.fields
+    for rank, layout in enumerate(done.layouts, 1):
+        low, high = layout.fields_start
+        moved_low, moved_high = layout.fields
         rows.append(
             {
                 "rank": rank,
-                "round": one.number,
-                "row": one.row,
-                "start": one.start,
-                "load_factor": one.load_factor,
+                "round": layout.number,
+                "row": layout.row,
+                "start": layout.start,
+                "load_factor": layout.load_factor,
                 "fields_lo_start": low if math.isfinite(low) else math.nan,
                 "fields_hi_start": high if math.isfinite(high) else math.nan,
                 "fields_lo": moved_low if math.isfinite(moved_low) else math.nan,
                 "fields_hi": moved_high if math.isfinite(moved_high) else math.nan,
-                "end": one.end,
-                "labelling": to_string(one.labels),
+                "end": layout.end,
+                "labelling": to_string(layout.labels),
             }
         )
     return pd.DataFrame(rows)
@@ -376,12 +376,12 @@ def moved_table(done: MovedSearch) -> pd.DataFrame:
 def moved_facts(done: MovedSearch) -> dict[str, Any]:
     """Return the entry "moved" of summary.json and of the terminal's JSON."""
     best = done.best
-    stated = next((layout for layout in done.layouts if layout.row == 0), None)
+    unmoved = next((layout for layout in done.layouts if layout.row == 0), None)
     bounds = best.fields if best.moved.any() else best.fields_start
     return {
         "rounds": len(done.rounds),
         "layouts": len(done.layouts),
-        "stated": None if stated is None else [number(end) for end in stated.fields_start],
+        "stated": None if unmoved is None else [number(end) for end in unmoved.fields_start],
         "fields_lo": number(bounds[0]),
         "fields_hi": number(bounds[1]),
         "round": best.number,
@@ -395,11 +395,11 @@ def moved_facts(done: MovedSearch) -> dict[str, Any]:
 
 def words_of_move(facts: dict[str, Any]) -> str:
     low, high = (_said(facts[name]) for name in ("fields_lo", "fields_hi"))
-    found = f"best with moved joints: {low} ≤ λ ≤ {high} by fields (round {facts['round']}, row {facts['row']})"
+    text = f"best with moved joints: {low} ≤ λ ≤ {high} by fields (round {facts['round']}, row {facts['row']})"
     if facts["stated"] is not None:
         least, most = (_said(end) for end in facts["stated"])
-        found += f"; the layout of the scene: {least} ≤ λ ≤ {most}"
-    return f"{found}; rounds: {facts['rounds']}, layouts moved: {facts['layouts']}, ended: {facts['stop']}"
+        text += f"; the layout of the scene: {least} ≤ λ ≤ {most}"
+    return f"{text}; rounds: {facts['rounds']}, layouts moved: {facts['layouts']}, ended: {facts['stop']}"
 
 
 def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> dict[str, Any]:

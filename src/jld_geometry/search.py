@@ -143,12 +143,12 @@ class GeometrySearch:
     def restored(self, values: Floats) -> Floats | None:
         """Return variables near z that keep all limits and ties, by a few Newton steps, or None."""
         variables, limits = self.variables, self.evaluator.limits
-        held = limits.equal.copy()
+        active = limits.equal.copy()
         for _ in range(_RESTORATIONS):
             present = limits.at(variables.places(values))
             lacks = np.where(limits.equal, abs(present.values), limits.least - present.values)
-            held |= lacks > _NEARLY * _RESTORED
-            rows = np.flatnonzero(held)
+            active |= lacks > _NEARLY * _RESTORED
+            rows = np.flatnonzero(active)
             if lacks.max(initial=0.0) <= _RESTORED:
                 return values
             target = np.where(limits.equal, 0.0, limits.least)[rows]
@@ -243,10 +243,10 @@ class GeometrySearch:
                 best = new
             if self.goal != "load_factor" or (best is not None and best.objective >= needed):
                 break
-            again = self.evaluator.frozen(target, answer, trial.states)
-            if again is None:
+            frozen = self.evaluator.frozen(target, answer, trial.states)
+            if frozen is None:
                 break
-            trial = again
+            trial = frozen
             corrected = self.evaluator.step(trial, low + point.values - target, high + point.values - target, self.goal)
             if corrected is None:
                 break
@@ -458,12 +458,12 @@ def _contacts_found(search: GeometrySearch, scene: Scene, point: Evaluated) -> l
     if any(set(entry) > {"elements", "polygon", "label"} for entry in document.pop("interfaces")):
         return []  # stated strengths of single interfaces would be lost
     unstated = parse_scene({**document, "labels": {"default": "dry"}})
-    again = solve_rigid(
+    solved_again = solve_rigid(
         build_robust(unstated) if result.assembly.has_low_values else build_assembly(unstated)
     ).load_factor
-    if abs(again - result.load_factor) <= tolerances.GAP * abs(result.load_factor):
+    if abs(solved_again - result.load_factor) <= tolerances.GAP * abs(result.load_factor):
         return []
-    return [f"contacts found anew give λ = {again:.6g}: joints touch where none did before, or no longer do"]
+    return [f"contacts found anew give λ = {solved_again:.6g}: joints touch where none did before, or no longer do"]
 
 
 _NULL: Final = 1e-8  # singular value, relative to the largest, below which a direction belongs to a null space

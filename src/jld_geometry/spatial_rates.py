@@ -277,8 +277,8 @@ def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats
     if not velocity.any() and not spin.any():
         return np.zeros_like(polygon)
     normal, axes = faces.normal[face], np.array([faces.e1[face], faces.e2[face]])
-    held = held_forces(assembly, face, polygon, forces, (velocity + spun(spin, polygon)) @ normal)
-    rates = -held.rates(polygon) @ np.concatenate([velocity, spin])
+    corner_forces = held_forces(assembly, face, polygon, forces, (velocity + spun(spin, polygon)) @ normal)
+    rates = -corner_forces.rates(polygon) @ np.concatenate([velocity, spin])
     slip = max(float(np.linalg.norm(axes @ velocity)), float(faces.c_t[face] * abs(normal @ spin)))
     stuck = float(assembly.strengths(_ROUTE).side(dry=True).shear[face]) * slip
     # dA/dx_i = ½ (x_{i+1} − x_{i−1}) × n, with the polygon counter-clockwise about n

@@ -226,8 +226,8 @@ def _add_shape(rows: _Rows, region: Region) -> None:
         return sp.csr_array(sp.hstack([before, steps, sp.csr_array((steps.shape[0], 1))]))
 
     slopes = sp.csr_array(region.limits.rates @ region.jacobian)
-    kept = np.diff(slopes.indptr) > 0
-    equal, bounded = np.flatnonzero(kept & region.equal), np.flatnonzero(kept & ~region.equal)
+    used = np.diff(slopes.indptr) > 0
+    equal, bounded = np.flatnonzero(used & region.equal), np.flatnonzero(used & ~region.equal)
     values = region.limits.values
     rows.add("equal", placed(slopes[equal]), -values[equal])
     rows.add("equal", placed(sp.csr_array(region.ties)), np.zeros(len(region.ties)))
@@ -334,9 +334,9 @@ class Evaluator:
             return Evaluated(values, math.inf, result, [])
         cases = list(result.cases.values()) or [result]
         states = [
-            CaseState(Template(one.assembly), one.forces, one.load_factor, float(required), mechanism=one.mechanism)
-            for one, required in zip(cases, assembly.required, strict=True)
-            if one.forces is not None and one.status is Status.COLLAPSE
+            CaseState(Template(case.assembly), case.forces, case.load_factor, float(required), mechanism=case.mechanism)
+            for case, required in zip(cases, assembly.required, strict=True)
+            if case.forces is not None and case.status is Status.COLLAPSE
         ]
         if self.dead_stands:
             states += self._dead_states(values, assembly, [] if near is None else near.states)
@@ -346,26 +346,30 @@ class Evaluator:
     def with_forces(point: Evaluated, answer: StepAnswer) -> Evaluated:
         """Copy a point with the unproven forces that the program of its step found."""
         states = [
-            replace(state, forces=own, mechanism=None) for state, own in zip(point.states, answer.forces, strict=True)
+            replace(state, forces=forces, mechanism=None)
+            for state, forces in zip(point.states, answer.forces, strict=True)
         ]
         return replace(point, states=states)
 
     def _dead_states(self, values: Floats, assembly: Assembly, near: list[CaseState]) -> list[CaseState]:
         """Return admissible forces under each different dead load of the load cases."""
-        known = [state for state in near if state.dead]
+        dead_states = [state for state in near if state.dead]
         different: list[Assembly] = []
         for case in assembly.by_case:
             if not any(np.array_equal(case.dead, other.dead) for other in different):
                 different.append(case)
-        if len(known) == len(different):
-            return [replace(one, template=Template(case)) for one, case in zip(known, different, strict=True)]
+        if len(dead_states) == len(different):
+            return [
+                replace(dead_state, template=Template(case))
+                for dead_state, case in zip(dead_states, different, strict=True)
+            ]
         none = np.zeros((len(self.labels), different[0].freedoms))
         states = [CaseState(Template(case), none, 0.0, 1.0, dead=True) for case in different]
         still = np.zeros(self.variables.count)
         answer = self.step(Evaluated(values, 0.0, None, states), still, still, "slack")
         if answer is None:
             return []
-        return [replace(state, forces=own) for state, own in zip(states, answer.forces, strict=True)]
+        return [replace(state, forces=forces) for state, forces in zip(states, answer.forces, strict=True)]
 
     def frozen(self, values: Floats, answer: StepAnswer, states: list[CaseState]) -> Evaluated | None:
         """Return an unproven point at variables z with the forces that a step found."""
@@ -373,12 +377,12 @@ class Evaluator:
         assembly = self.assembly(values)
         if assembly is None:
             return None
-        named = {case.name: case for case in assembly.by_case}
-        found = [
-            replace(state, template=Template(named[state.template.assembly.name]), forces=forces, load_factor=factor)
+        by_name = {case.name: case for case in assembly.by_case}
+        frozen_states = [
+            replace(state, template=Template(by_name[state.template.assembly.name]), forces=forces, load_factor=factor)
             for state, forces, factor in zip(states, answer.forces, answer.load_factors, strict=True)
         ]
-        return Evaluated(values, answer.value, None, found)
+        return Evaluated(values, answer.value, None, frozen_states)
 
     def missing(self, values: Floats) -> Evaluated | None:
         """Return an unproven point at variables z, whose objective is its spare strength; None if invalid."""
@@ -388,8 +392,8 @@ class Evaluator:
         if assembly is None:
             return None
         states = [
-            CaseState(Template(one), np.zeros((len(self.labels), one.freedoms)), 0.0, float(required))
-            for one, required in zip(assembly.by_case, assembly.required, strict=True)
+            CaseState(Template(case), np.zeros((len(self.labels), case.freedoms)), 0.0, float(required))
+            for case, required in zip(assembly.by_case, assembly.required, strict=True)
         ]
         still = np.zeros(self.variables.count)
         answer = self.step(Evaluated(values, 0.0, None, states), still, still, "slack")
@@ -412,8 +416,8 @@ class Evaluator:
         forces = [state.forces for state in point.states]
         for _ in range(_ROUNDS):
             states = [
-                CaseState(Template(_with_friction_factor(one, factor)), own, 0.0, 1.0)
-                for one, own in zip(assembly.by_case, forces, strict=True)
+                CaseState(Template(_with_friction_factor(case, factor)), forces_of_case, 0.0, 1.0)
+                for case, forces_of_case in zip(assembly.by_case, forces, strict=True)
             ]
             answer = self.step(Evaluated(values, 0.0, None, states), still, still, "friction")
             if answer is None or 1.0 + answer.value <= 0.0:
@@ -422,7 +426,7 @@ class Evaluator:
             forces = list(answer.forces)
             if abs(answer.value) <= _NEWTON:
                 break
-        states = [replace(state, forces=own) for state, own in zip(states, forces, strict=True)]
+        states = [replace(state, forces=forces_of_case) for state, forces_of_case in zip(states, forces, strict=True)]
         for margin in _MARGINS:
             self.solves += 1
             result = solve_rigid(_with_friction_factor(assembly, factor * (1.0 + margin)), self.labels)
@@ -435,28 +439,28 @@ class Evaluator:
         # Only the last variable, the thickness, differs from z. The dead load is proven to stand there.
         values, states = values.copy(), []
         low, high = np.zeros(self.variables.count), np.zeros(self.variables.count)
-        whole = self.variables.thickness
+        thickness = self.variables.thickness
         for _ in range(_ROUNDS):
             point = self.missing(values)
-            high[-1] = _THICKER * (whole + values[-1])
+            high[-1] = _THICKER * (thickness + values[-1])
             low[-1] = -high[-1]
             answer = None if point is None else self.step(point, low, high, "thickness")
             if point is None or answer is None:
                 return None
             values[-1] += answer.change[-1]
             states = point.states
-            if abs(answer.change[-1]) <= _NEWTON * whole:
+            if abs(answer.change[-1]) <= _NEWTON * thickness:
                 break
         for margin in _MARGINS:
             trial = values.copy()
-            trial[-1] += margin * whole
+            trial[-1] += margin * thickness
             assembly = self.assembly(trial)
             if assembly is None:
                 return None
             self.solves += 1
             result = solve_rigid(assembly, self.labels)
             if stands(result):
-                return Evaluated(trial, -(whole + trial[-1]), result, states)
+                return Evaluated(trial, -(thickness + trial[-1]), result, states)
         return None
 
 

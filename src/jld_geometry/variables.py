@@ -97,16 +97,16 @@ def null_space(rows: Floats, count: int) -> Floats:
     matrix = rows.copy()
     pivots: list[int] = []
     for column in range(count - 1, -1, -1):
-        done = len(pivots)
-        if done == len(matrix):
+        rank = len(pivots)
+        if rank == len(matrix):
             break
-        best = done + int(np.argmax(abs(matrix[done:, column])))
+        best = rank + int(np.argmax(abs(matrix[rank:, column])))
         if abs(matrix[best, column]) <= _NULL:
             continue
-        matrix[[done, best]] = matrix[[best, done]]
-        matrix[done] /= matrix[done, column]
-        others = np.arange(len(matrix)) != done
-        matrix[others] -= np.outer(matrix[others, column], matrix[done])
+        matrix[[rank, best]] = matrix[[best, rank]]
+        matrix[rank] /= matrix[rank, column]
+        others = np.arange(len(matrix)) != rank
+        matrix[others] -= np.outer(matrix[others, column], matrix[rank])
         pivots.append(column)
     free = [column for column in range(count) if column not in pivots]
     basis = np.zeros((count, len(free)))
@@ -130,9 +130,9 @@ def variables_of(
         chosen += [
             joint for joint in finder.joints(circles, {vertex for vertex, _, _ in chosen}) if joint[2][0] == joint[2][0]
         ]
-    vertex = np.array([one[0] for one in chosen], dtype=np.int64)
-    direction = np.array([one[1] for one in chosen]).reshape(-1, 2)
-    centre = np.array([one[2] for one in chosen]).reshape(-1, 2)
+    vertex = np.array([entry[0] for entry in chosen], dtype=np.int64)
+    direction = np.array([entry[1] for entry in chosen]).reshape(-1, 2)
+    centre = np.array([entry[2] for entry in chosen]).reshape(-1, 2)
     variables = Variables(mesh.places, vertex, direction, centre, np.zeros((0, len(vertex))))
     if move.maximise == "least_thickness":
         variables = _with_thickness(variables, assembly, circles)
@@ -180,11 +180,11 @@ class _Finder:
             self._dry &= ~inner
         self._outline = mesh.on_outline
         edges = mesh.edges[1]
-        known = {(int(i), int(j)) for i, j in edges}
+        directed = {(int(i), int(j)) for i, j in edges}
         self._before: dict[int, list[int]] = {}
         self._after: dict[int, list[int]] = {}
-        for i, j in sorted(known):
-            if (j, i) not in known:
+        for i, j in sorted(directed):
+            if (j, i) not in directed:
                 self._after.setdefault(i, []).append(j)
                 self._before.setdefault(j, []).append(i)
 
@@ -204,12 +204,12 @@ class _Finder:
             paths.append((vertex, direction / np.hypot(*direction), np.full(2, np.nan)))
         return paths
 
-    def joints(self, circles: list[scene_move.Path], taken: set[int]) -> list[tuple[int, Floats, Floats]]:
+    def joints(self, circles: list[scene_move.Path], named: set[int]) -> list[tuple[int, Floats, Floats]]:
         """Return vertex, unit direction (2,) and centre (2,) of each way to move a joint's vertex."""
         # Centres are NaN for lines. A vertex inside the structure has both axes as ways.
         paths: list[tuple[int, Floats, Floats]] = []
         for vertex in np.flatnonzero(self._dry | self.followers).tolist():
-            if vertex in taken:
+            if vertex in named:
                 continue
             if not self._outline[vertex]:
                 if not self._held[vertex]:
@@ -244,7 +244,7 @@ class _Finder:
         return np.asarray(edge / np.hypot(*edge))
 
 
-def _with_thickness(found: Variables, assembly: Assembly, circles: list[scene_move.Path]) -> Variables:
+def _with_thickness(variables: Variables, assembly: Assembly, circles: list[scene_move.Path]) -> Variables:
     if not circles:
         problem = "the thickness is that of an arch on circles"
         raise InputError("move.maximise", problem, '"along": [{"circle": [x, y]}] with its centre')
@@ -252,30 +252,30 @@ def _with_thickness(found: Variables, assembly: Assembly, circles: list[scene_mo
     free = np.concatenate([assembly.elements.shape[k] for k in assembly.elements.free])
     radii = np.linalg.norm(free - middle, axis=1)
     inner, outer = float(radii.min()), float(radii.max())
-    rings = np.linalg.norm(found.start - middle, axis=1) - 0.5 * (inner + outer)
+    rings = np.linalg.norm(variables.start - middle, axis=1) - 0.5 * (inner + outer)
     # vertices beyond the arch belong to supports and stay
     rings = np.where(abs(rings) <= (0.5 + SAME) * (outer - inner), rings, 0.0)
-    return Variables(**{**vars(found), "rings": rings, "middle": middle, "thickness": outer - inner})
+    return Variables(**{**vars(variables), "rings": rings, "middle": middle, "thickness": outer - inner})
 
 
-def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
+def _following(variables: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
     """Return the ties (t, k) by which vertices without joints, followers (v,), follow their neighbours."""
     # Each follower moves by the mean of its neighbours' movements, weighted by inverse distance.
-    followed = np.flatnonzero(followers[found.vertex])
+    followed = np.flatnonzero(followers[variables.vertex])
     if not len(followed):
-        return np.zeros((0, found.count))
+        return np.zeros((0, variables.count))
     edges = mesh.edges[1]
     # two elements state an edge between them, one states an edge of the outline: each is taken once
     edges = np.unique(np.sort(edges, axis=1), axis=0)
-    lengths = np.linalg.norm(found.start[edges[:, 0]] - found.start[edges[:, 1]], axis=1)
+    lengths = np.linalg.norm(variables.start[edges[:, 0]] - variables.start[edges[:, 1]], axis=1)
     pairs = np.concatenate([edges, edges[:, ::-1]]).T
-    near = sp.csr_array((1.0 / np.tile(lengths, 2), (pairs[0], pairs[1])), shape=(len(found.start),) * 2)
-    jacobian = found.jacobian(np.zeros(found.count)).toarray().reshape(len(found.start), 2, -1)
-    if found.scaled:
+    near = sp.csr_array((1.0 / np.tile(lengths, 2), (pairs[0], pairs[1])), shape=(len(variables.start),) * 2)
+    jacobian = variables.jacobian(np.zeros(variables.count)).toarray().reshape(len(variables.start), 2, -1)
+    if variables.scaled:
         jacobian[:, :, -1] = 0.0  # the thickness is common to all
     rows = []
     for k in followed.tolist():
-        vertex, direction = int(found.vertex[k]), found.direction[k]
+        vertex, direction = int(variables.vertex[k]), variables.direction[k]
         start, end = near.indptr[vertex], near.indptr[vertex + 1]
         share = near.data[start:end] / near.data[start:end].sum()
         mean = np.einsum("w,wik->ik", share, jacobian[near.indices[start:end]])
@@ -283,32 +283,33 @@ def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
     return np.array(rows)
 
 
-def ties_of(found: Variables, assembly: Assembly, move: scene_move.Move) -> Floats:
+def ties_of(variables: Variables, assembly: Assembly, move: scene_move.Move) -> Floats:
     """Return the ties (t, k) between variables that the key "ties" states, as ties @ z = 0."""
     # There are no rows for "none" and "equal-shapes".
     if move.ties == "none" or move.ties == "equal-shapes":  # equal shapes are equations of the limits
-        return np.zeros((0, found.count))
-    jacobian = found.jacobian(np.zeros(found.count)).toarray().reshape(*found.start.shape, -1)
-    if found.scaled:
+        return np.zeros((0, variables.count))
+    jacobian = variables.jacobian(np.zeros(variables.count)).toarray().reshape(*variables.start.shape, -1)
+    if variables.scaled:
         jacobian[:, :, -1] = 0.0  # the thickness is common to all
     rows = []
     if move.ties == "mirror-x":
-        partner = mirrored(found, assembly)
-        for vertex in sorted(set(found.vertex.tolist())):
+        partner = mirrored(variables, assembly)
+        for vertex in sorted(set(variables.vertex.tolist())):
             other = int(partner[vertex])
             free = [bool(jacobian[k].any()) for k in (vertex, other)]
             if free[0] != free[1]:
-                problem = f"the vertex {_words(found.start[vertex])} moves and its mirror image does not"
+                problem = f"the vertex {_words(variables.start[vertex])} moves and its mirror image does not"
                 raise InputError("move.ties", problem, 'a symmetric structure, or "none"')
             rows += [jacobian[vertex, 0] + jacobian[other, 0], *(jacobian[vertex, 1:] - jacobian[other, 1:])]
         return np.array(rows)
     for position, group in enumerate(move.ties):
         of_group = [
-            vertex_at(found.start, point, assembly.size, f"move.ties[{position}][{k}]") for k, point in enumerate(group)
+            vertex_at(variables.start, point, assembly.size, f"move.ties[{position}][{k}]")
+            for k, point in enumerate(group)
         ]
         for other in of_group[1:]:
             rows += list(jacobian[of_group[0]] - jacobian[other])
-        basis = null_space(np.array(rows), found.count)
+        basis = null_space(np.array(rows), variables.count)
         for point, vertex in zip(group, of_group, strict=True):
             if not (jacobian[vertex] @ basis).any():
                 problem = f"they leave the vertex {point} no direction to move in"
@@ -316,17 +317,17 @@ def ties_of(found: Variables, assembly: Assembly, move: scene_move.Move) -> Floa
     return np.array(rows)
 
 
-def mirrored(found: Variables, assembly: Assembly) -> Ints:
+def mirrored(variables: Variables, assembly: Assembly) -> Ints:
     """Return for each vertex (v,) the one nearest its mirror image about the middle vertical."""
     # The axis is vertical, in the middle of the free elements.
     free = np.concatenate([assembly.elements.shape[k] for k in assembly.elements.free])
     axis = float(free[:, 0].min() + free[:, 0].max())
-    image = found.start.copy()
+    image = variables.start.copy()
     image[:, 0] = axis - image[:, 0]
-    distance = np.linalg.norm(image[:, None] - found.start[None], axis=2)
+    distance = np.linalg.norm(image[:, None] - variables.start[None], axis=2)
     nearest = np.argmin(distance, axis=1)
-    for vertex in sorted(set(found.vertex.tolist())):
+    for vertex in sorted(set(variables.vertex.tolist())):
         if distance[vertex, nearest[vertex]] > SAME * assembly.size:
-            problem = f"nothing mirrors the vertex {_words(found.start[vertex])} about x = {0.5 * axis:.6g}"
+            problem = f"nothing mirrors the vertex {_words(variables.start[vertex])} about x = {0.5 * axis:.6g}"
             raise InputError("move.ties", problem, 'a symmetric structure, or "none"')
     return np.asarray(nearest)

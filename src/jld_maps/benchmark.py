@@ -37,16 +37,16 @@ def entries_of(path: Path, known: dict[str, Entry]) -> list[Entry]:
     if not isinstance(layouts, list) or not layouts:
         remedy = '{"method": …, "layouts": [{"problem", "labels", "load_factor"}]}'
         raise InputError(str(path), "it has no layouts", remedy)
-    for k, one in enumerate(layouts):
+    for k, layout in enumerate(layouts):
         where = f"{path}: layouts[{k}]"
-        if not isinstance(one, dict) or sorted(one) != ["labels", "load_factor", "problem"]:
+        if not isinstance(layout, dict) or sorted(layout) != ["labels", "load_factor", "problem"]:
             raise InputError(where, "its keys are wrong", "problem, labels and load_factor")
-        if not isinstance(one["problem"], str) or one["problem"] not in known:
-            raise InputError(f"{where}.problem", f"there is no {one['problem']!r}", "a name of jld benchmark list")
-        claim = one["load_factor"]
+        if not isinstance(layout["problem"], str) or layout["problem"] not in known:
+            raise InputError(f"{where}.problem", f"there is no {layout['problem']!r}", "a name of jld benchmark list")
+        claim = layout["load_factor"]
         if isinstance(claim, bool) or not isinstance(claim, int | float) or not math.isfinite(claim):
             raise InputError(f"{where}.load_factor", f"{claim!r} is wrong", "a finite number")
-        if not isinstance(one["labels"], str) or set(one["labels"]) - set("di"):
+        if not isinstance(layout["labels"], str) or set(layout["labels"]) - set("di"):
             raise InputError(f"{where}.labels", "they are wrong", "a text of the letters d and i, one for each face")
     return layouts
 
@@ -55,31 +55,42 @@ def checked(entry: Entry, record: Entry, folder: Path) -> Entry:
     """Check one layout of a submission: whether it is admitted, carries what is claimed, and beats the record."""
     scene = load_scene(folder / f"{entry['problem']}.json")
     assembly = build_assembly(scene)
-    told = {"problem": entry["problem"], "claimed": entry["load_factor"], "bracket": None, "best_known": record["best"]}
+    verdict = {
+        "problem": entry["problem"],
+        "claimed": entry["load_factor"],
+        "bracket": None,
+        "best_known": record["best"],
+    }
     if len(entry["labels"]) != assembly.faces:
-        return told | {"verdict": "refused", "why": f"{len(entry['labels'])} labels; there are {assembly.faces} faces"}
+        return verdict | {
+            "verdict": "refused",
+            "why": f"{len(entry['labels'])} labels; there are {assembly.faces} faces",
+        }
     labels = from_string(entry["labels"] + "i" * (len(assembly.interfaces) - assembly.faces))
     space = search_space(scene, assembly)
     if reasons := reasons_against(space, labels):
-        return told | {"verdict": "refused", "why": reasons[0]}
-    found = solve(assembly, labels, seconds=_SECONDS)
-    low, high = found.bracket
-    told["bracket"] = [None if math.isnan(end) else end for end in (low, high)]
+        return verdict | {"verdict": "refused", "why": reasons[0]}
+    result = solve(assembly, labels, seconds=_SECONDS)
+    low, high = result.bracket
+    verdict["bracket"] = [None if math.isnan(end) else end for end in (low, high)]
     claim, best, bound = entry["load_factor"], record["best"], record["bound"]
-    if found.status is Status.LOCKED:
+    if result.status is Status.LOCKED:
         low = high = math.inf
     if high < claim - _EQUAL * abs(claim):
-        return told | {"verdict": "not carried", "why": f"it carries at most {high:.9g}"}
+        return verdict | {"verdict": "not carried", "why": f"it carries at most {high:.9g}"}
     if not low >= claim - _EQUAL * abs(claim):
-        return told | {"verdict": "undecided", "why": "λ is not proven to reach what is claimed"}
+        return verdict | {"verdict": "undecided", "why": "λ is not proven to reach what is claimed"}
     size = max(abs(best), 1e-300)
     if low > best + _EQUAL * size:
         above = bound is not None and low > bound + _EQUAL * size
         why = f"{low / best - 1.0:+.2%} over the best known" + (", above its proven bound: tell us" if above else "")
-        return told | {"verdict": "beats the record", "why": why}
+        return verdict | {"verdict": "beats the record", "why": why}
     if low >= best - _EQUAL * size:
-        return told | {"verdict": "equals the record", "why": "optimal, proven" if record["proven"] else "best known"}
-    return told | {"verdict": "verified", "why": f"{low / best - 1.0:+.2%} of the best known"}
+        return verdict | {
+            "verdict": "equals the record",
+            "why": "optimal, proven" if record["proven"] else "best known",
+        }
+    return verdict | {"verdict": "verified", "why": f"{low / best - 1.0:+.2%} of the best known"}
 
 
 def benchmark(
@@ -99,7 +110,7 @@ def benchmark(
     """
     # the record of each problem of a folder, by name; raise InputError without any
     try:
-        known: dict[str, Entry] = files.json_of((problems / RECORDS).read_text(encoding="utf-8"))
+        records: dict[str, Entry] = files.json_of((problems / RECORDS).read_text(encoding="utf-8"))
     except OSError:
         raise InputError(str(problems), f"there is no {RECORDS} in it", "no `--problems`, or another folder") from None
     except ValueError as error:
@@ -107,7 +118,7 @@ def benchmark(
     if action == "list":
         if file is not None:
             raise ParameterError("file", "a list takes none", "jld benchmark check FILE")
-        streams.say(json.dumps(known, indent=1) if as_json else "\n".join(_lines(known)))
+        streams.say(json.dumps(records, indent=1) if as_json else "\n".join(_lines(records)))
         return
     if file is None:
         raise ParameterError(
@@ -116,24 +127,25 @@ def benchmark(
     if action == "copy":
         files.require_folder(file)
         shutil.copytree(problems, file, dirs_exist_ok=True)
-        streams.say(f"{len(known)} problems in {file}")
+        streams.say(f"{len(records)} problems in {file}")
         return
-    done = [checked(entry, known[entry["problem"]], problems) for entry in entries_of(file, known)]
-    beaten = sorted({one["problem"] for one in done if one["verdict"] == "beats the record"})
-    lines = [f"{one['problem']:<24} {one['verdict']:<18} {one['why']}" for one in done]
+    checks = [checked(entry, records[entry["problem"]], problems) for entry in entries_of(file, records)]
+    beaten = sorted({check["problem"] for check in checks if check["verdict"] == "beats the record"})
+    lines = [f"{check['problem']:<24} {check['verdict']:<18} {check['why']}" for check in checks]
     lines.append(f"{len(beaten)} records beaten" + (f": {', '.join(beaten)}" if beaten else ""))
-    streams.say(json.dumps({"layouts": done, "beaten": beaten}, indent=1) if as_json else "\n".join(lines))
-    if any(one["verdict"] in ("refused", "not carried", "undecided") for one in done):
+    streams.say(json.dumps({"layouts": checks, "beaten": beaten}, indent=1) if as_json else "\n".join(lines))
+    if any(check["verdict"] in ("refused", "not carried", "undecided") for check in checks):
         raise typer.Exit(ending.UNCERTIFIED)
 
 
-def _lines(known: dict[str, Entry]) -> list[str]:
+def _lines(records: dict[str, Entry]) -> list[str]:
     head = f"{'problem':<24} {'faces':>5} {'candidates':>10} {'cases':>5}  {'best known':>12} {'bound':>12}  proven"
-    head += "  gap    seconds"
-    return [head] + [
-        f"{name:<24} {one['faces']:>5} {one['candidates']:>10} {one['cases']:>5}  {one['best']:>12.7g} "
-        f"{'' if one['bound'] is None else format(one['bound'], '.7g'):>12}  {'yes' if one['proven'] else 'no':<6}  "
-        f"{'' if one['proven'] or one['bound'] is None else format(1.0 - one['best'] / one['bound'], '.1%'):<6} "
-        f"{one['seconds']:>7.1f}"
-        for name, one in known.items()
-    ]
+    lines = [head + "  gap    seconds"]
+    for name, record in records.items():
+        best, bound, proven = record["best"], record["bound"], record["proven"]
+        lines.append(
+            f"{name:<24} {record['faces']:>5} {record['candidates']:>10} {record['cases']:>5}  {best:>12.7g} "
+            f"{'' if bound is None else format(bound, '.7g'):>12}  {'yes' if proven else 'no':<6}  "
+            f"{'' if proven or bound is None else format(1.0 - best / bound, '.1%'):<6} {record['seconds']:>7.1f}"
+        )
+    return lines

@@ -47,20 +47,20 @@ def figure_of_map(
 ) -> Figure:
     """Draw a map over its first two keys of several values, or the only one, at the middle of the others."""
     keys = [key for key in axes if len(axes[key]) > 1][:2] or list(axes)[:1]
-    held = {key: values[(len(values) - 1) // 2] for key, values in axes.items() if key not in keys}
-    shown = table
-    for key, value in held.items():
-        shown = shown[shown[key] == value]
+    fixed = {key: values[(len(values) - 1) // 2] for key, values in axes.items() if key not in keys}
+    rows = table
+    for key, value in fixed.items():
+        rows = rows[rows[key] == value]
     layouts = "labelling" in table
     figure = Figure(figsize=((7.5 if len(keys) == 1 else 11.0), 5.2), dpi=110)
     FigureCanvasAgg(figure)
     if len(keys) == 1:
-        _curve(figure.add_axes((0.1, 0.26, 0.86, 0.64)), shown, keys[0], assembly)
+        _curve(figure.add_axes((0.1, 0.26, 0.86, 0.64)), rows, keys[0], assembly)
     else:
         left, right = figure.add_axes((0.07, 0.26, 0.36, 0.64)), figure.add_axes((0.57, 0.26, 0.36, 0.64))
         grid = [np.array(axes[key], dtype=float) for key in keys]
-        _contours(figure, left, grid, shown["load_factor"].to_numpy(dtype=float))
-        _regions(right, grid, _kinds(shown), "strongest layout" if layouts else "mechanism")
+        _contours(figure, left, grid, rows["load_factor"].to_numpy(dtype=float))
+        _regions(right, grid, _kinds(rows), "strongest layout" if layouts else "mechanism")
         if borders is not None and len(borders):
             right.plot(borders[keys[0]].astype(float), borders[keys[1]].astype(float), ".", color=look.INK, ms=2)
         for ax in (left, right):
@@ -68,31 +68,29 @@ def figure_of_map(
             ax.set_ylabel(label_of(keys[1], assembly.units), fontsize=8 if len(keys[1]) < 30 else 7)
             ax.locator_params(axis="x", nbins=6)
             ax.tick_params(labelsize=8)
-    rest = [f"{key} = {value}" for key, value in held.items()]
-    figure.suptitle(", ".join([f"{assembly.name}: {len(table)} points", *rest]), fontsize=11)
+    fixed_words = [f"{key} = {value}" for key, value in fixed.items()]
+    figure.suptitle(", ".join([f"{assembly.name}: {len(table)} points", *fixed_words]), fontsize=11)
     return figure
 
 
-def _layouts(shown: pd.DataFrame) -> pd.Series:
+def _layouts(rows: pd.DataFrame) -> pd.Series:
     """Name the strongest layouts A, B, … by how often they are the strongest."""
-    order = shown["labelling"].value_counts().index
-    names = {one: f"layout {chr(65 + k) if k < 26 else k + 1}" for k, one in enumerate(order)}
-    return shown["labelling"].map(names).fillna("none")
+    order = rows["labelling"].value_counts().index
+    names = {letters: f"layout {chr(65 + k) if k < 26 else k + 1}" for k, letters in enumerate(order)}
+    return rows["labelling"].map(names).fillna("none")
 
 
-def _kinds(shown: pd.DataFrame) -> Any:
+def _kinds(rows: pd.DataFrame) -> Any:
     """Return what regions show (k,): the strongest layouts, or mechanisms, or the status where there is none."""
-    if "labelling" in shown:
-        return _layouts(shown).to_numpy(dtype=object)
-    return np.where(shown["mechanism"] == "", shown["status"], shown["mechanism"])
+    if "labelling" in rows:
+        return _layouts(rows).to_numpy(dtype=object)
+    return np.where(rows["mechanism"] == "", rows["status"], rows["mechanism"])
 
 
-def _curve(ax: Axes, shown: pd.DataFrame, key: str, assembly: Assembly) -> None:
+def _curve(ax: Axes, rows: pd.DataFrame, key: str, assembly: Assembly) -> None:
     """Draw λ over one key, on the ranges of mechanisms."""
-    x, y = (shown[name].to_numpy(dtype=float) for name in (key, "load_factor"))
-    kind = (
-        _layouts(shown) if "labelling" in shown else shown["mechanism"].where(shown["mechanism"] != "", shown["status"])
-    )
+    x, y = (rows[name].to_numpy(dtype=float) for name in (key, "load_factor"))
+    kind = _layouts(rows) if "labelling" in rows else rows["mechanism"].where(rows["mechanism"] != "", rows["status"])
     names = _few(kind.to_numpy(dtype=object))
     middle = 0.5 * (x[1:] + x[:-1])
     ends = np.concatenate([x[:1], middle, x[-1:]])
@@ -102,13 +100,13 @@ def _curve(ax: Axes, shown: pd.DataFrame, key: str, assembly: Assembly) -> None:
                 ends[j], ends[j + 1], fc=look.TINTS[k % len(look.TINTS)], hatch=_HATCHES[k % _MOST], ec="#FFFFFF", lw=0
             )
     (line,) = ax.plot(x, y, color=look.INK, lw=1.6, label="λ by faces")
-    drawn: list[Any] = [line]
-    if "fields_lo" in shown:
-        low, high = (shown[name].to_numpy(dtype=float) for name in ("fields_lo", "fields_hi"))
-        drawn.append(ax.fill_between(x, low, high, color=look.PRESS, alpha=0.4, lw=0, label="λ by fields"))
+    handles: list[Any] = [line]
+    if "fields_lo" in rows:
+        low, high = (rows[name].to_numpy(dtype=float) for name in ("fields_lo", "fields_hi"))
+        handles.append(ax.fill_between(x, low, high, color=look.PRESS, alpha=0.4, lw=0, label="λ by fields"))
     ax.set_xlabel(label_of(key, assembly.units), fontsize=9)
     ax.set_ylabel("load factor λ", fontsize=9)
-    _legend(ax, list(dict.fromkeys(names)), drawn)
+    _legend(ax, list(dict.fromkeys(names)), handles)
 
 
 def _contours(figure: Figure, ax: Axes, grid: list[Floats], values: Floats) -> None:
@@ -116,10 +114,10 @@ def _contours(figure: Figure, ax: Axes, grid: list[Floats], values: Floats) -> N
     if field.count() and np.ptp(field.compressed()) > 0.0:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a level may lie outside
-            drawn = ax.contourf(*grid, field, levels=12, cmap="viridis")
-            lines = ax.contour(*grid, field, levels=drawn.levels, colors="#FFFFFF", linewidths=0.6)
+            contours = ax.contourf(*grid, field, levels=12, cmap="viridis")
+            lines = ax.contour(*grid, field, levels=contours.levels, colors="#FFFFFF", linewidths=0.6)
         ax.clabel(lines, fontsize=7)
-        bar = figure.colorbar(drawn, cax=figure.add_axes((0.44, 0.26, 0.012, 0.64)))
+        bar = figure.colorbar(contours, cax=figure.add_axes((0.44, 0.26, 0.012, 0.64)))
         bar.ax.tick_params(labelsize=7)
     ax.set_title("load factor λ", fontsize=10)
 
@@ -127,8 +125,8 @@ def _contours(figure: Figure, ax: Axes, grid: list[Floats], values: Floats) -> N
 def _few(kinds: Any) -> Any:
     """Return kinds with the rarest beyond `_MOST` as one."""
     names, counts = np.unique(kinds.astype(str), return_counts=True)
-    kept = names[np.argsort(-counts, kind="stable")][: _MOST if len(names) <= _MOST else _MOST - 1]
-    return np.where(np.isin(kinds.astype(str), kept), kinds, _OTHER)
+    frequent = names[np.argsort(-counts, kind="stable")][: _MOST if len(names) <= _MOST else _MOST - 1]
+    return np.where(np.isin(kinds.astype(str), frequent), kinds, _OTHER)
 
 
 def _regions(ax: Axes, grid: list[Floats], kinds: Any, title: str) -> None:
@@ -136,16 +134,16 @@ def _regions(ax: Axes, grid: list[Floats], kinds: Any, title: str) -> None:
     field = _few(kinds).reshape(len(grid[0]), len(grid[1])).T
     names = list(dict.fromkeys(field.ravel().tolist()))
     names.sort(key=lambda name: -int((field == name).sum()))
-    place = np.vectorize(names.index)(field)
+    number = np.vectorize(names.index)(field)
     edges = [np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]]) for x in grid]
     colours = ListedColormap([look.TINTS[k % len(look.TINTS)] for k in range(len(names))])
-    ax.pcolormesh(*edges, place, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5, rasterized=True)
+    ax.pcolormesh(*edges, number, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5, rasterized=True)
     for k, name in enumerate(names):
         mask = field == name
         if _HATCHES[k] and min(mask.shape) > 1:
-            drawn = ax.contourf(*grid, mask.astype(float), levels=[0.5, 1.5], colors="none", hatches=[_HATCHES[k]])
-            drawn.set_edgecolor("#A9A9A9")
-            drawn.set_linewidth(0.0)
+            hatched = ax.contourf(*grid, mask.astype(float), levels=[0.5, 1.5], colors="none", hatches=[_HATCHES[k]])
+            hatched.set_edgecolor("#A9A9A9")
+            hatched.set_linewidth(0.0)
         row, column, wide = _widest(mask)
         if mask.sum() >= 0.04 * mask.size and wide > 0.03 * len(name) * mask.shape[1] / 2:
             box = {"fc": "#FFFFFF", "ec": "none", "alpha": 0.85, "pad": 1.5}
@@ -158,8 +156,8 @@ def _widest(mask: Any) -> tuple[int, int, int]:
     """Return the middle and length of the longest run of a mask (rows, columns) in the row nearest to its middle."""
     rows, columns = np.nonzero(mask)
     row = int(rows[np.argmin(abs(rows - np.median(rows)))])
-    own = columns[rows == row]
-    runs = np.split(own, np.flatnonzero(np.diff(own) > 1) + 1)
+    of_row = columns[rows == row]
+    runs = np.split(of_row, np.flatnonzero(np.diff(of_row) > 1) + 1)
     longest = max(runs, key=len)
     return row, int(longest[len(longest) // 2]), len(longest)
 
@@ -183,8 +181,8 @@ def figure_of_layouts(table: pd.DataFrame, assembly: Assembly) -> Figure | None:
     figure, axes = figures.figure_for(assembly, len(texts), 3)
     for ax, text in zip(axes, texts, strict=True):
         figures.draw_assembly(ax, assembly, from_string(text), plain=True)
-        own = names[table["labelling"] == text]
-        ax.set_title(f"{own.iloc[0]}: strongest at {len(own)} of {len(table)}", fontsize=9)
+        of_layout = names[table["labelling"] == text]
+        ax.set_title(f"{of_layout.iloc[0]}: strongest at {len(of_layout)} of {len(table)}", fontsize=9)
     figures.finish(figure, axes, "strongest layouts", 3)
     return figure
 
@@ -208,19 +206,19 @@ def map_(
     """
     files.require_folder(out)
     start = time.perf_counter()
-    given = load_scene(scene)
+    parsed = load_scene(scene)
     grid = dict(_axis(text) for text in over)
     if (count := math.prod(map(len, grid.values()))) > MOST:
         raise ParameterError("over", f"it asks for {count} points", f"at most {MOST}")
     if len(grid) < len(over):
         raise ParameterError("over", "a key is given twice", "each key once")
     with error_context(scene):
-        points = Grid(given, grid)
+        points = Grid(parsed, grid)
         jobs = jobs or os.cpu_count() or 1
-        table = sweep(given, points.axes, explore=explore, jobs=jobs, fields=fields, seconds=seconds)
+        table = sweep(parsed, points.axes, explore=explore, jobs=jobs, fields=fields, seconds=seconds)
         took = time.perf_counter() - start
-        edges = None if explore or len(grid) > 2 or given.cracks != "faces" else borders(given, points.axes, table)
-        assembly = build_assembly(given) if explore else points.assembly(points.middle)
+        edges = None if explore or len(grid) > 2 or parsed.cracks != "faces" else borders(parsed, points.axes, table)
+        assembly = build_assembly(parsed) if explore else points.assembly(points.middle)
     out.mkdir(parents=True, exist_ok=True)
     files.write_text(out / "map.csv", csv_of(table))
     if edges is not None:
@@ -229,16 +227,16 @@ def map_(
     layouts = figure_of_layouts(table, assembly) if explore else None
     if layouts is not None:
         figures.save_figure(layouts, out / "layouts.png")
-    told = _told(table, took)
+    facts = _told(table, took)
     streams.say(
-        json.dumps(told, indent=1) if as_json else "\n".join(f"{key:<12} {value}" for key, value in told.items())
+        json.dumps(facts, indent=1) if as_json else "\n".join(f"{key:<12} {value}" for key, value in facts.items())
     )
 
 
 def _axis(text: str) -> tuple[str, list[Any]]:
     """Return a key and its values of an option KEY=FROM:TO:N."""
-    key, _, rest = text.partition("=")
-    parts = rest.split(":")
+    key, _, text_of_values = text.partition("=")
+    parts = text_of_values.split(":")
     problem = ParameterError("over", f"{text!r} is no range of values", "KEY=FROM:TO:N, such as loads.angle=0:90:10")
     if not key or len(parts) != 3 or not parts[2].strip().isdigit() or int(parts[2]) < 1:
         raise problem
@@ -250,23 +248,23 @@ def _axis(text: str) -> tuple[str, list[Any]]:
         except ValueError:
             raise problem from None
         names.append(part.strip()[len(number) :].strip())
-    named = [name for name in names if name]
-    if not all(map(math.isfinite, ends)) or len(set(named)) > 1 or (len(named) == 1 and ends[names.index("")] != 0.0):
+    words = [name for name in names if name]
+    if not all(map(math.isfinite, ends)) or len(set(words)) > 1 or (len(words) == 1 and ends[names.index("")] != 0.0):
         raise problem
     count = int(parts[2])
     if count > MOST:
         raise ParameterError("over", f"it asks for {count} points", f"at most {MOST}")
     values = np.linspace(ends[0], ends[1], count).tolist()
-    return key.strip(), [f"{value!r} {named[0]}" for value in values] if named else values
+    return key.strip(), [f"{value!r} {words[0]}" for value in values] if words else values
 
 
 def _told(table: Any, took: float) -> dict[str, Any]:
     value = table["load_factor"].to_numpy(dtype=float)
-    known = value[np.isfinite(value)]
+    finite = value[np.isfinite(value)]
     kinds = table["labelling" if "labelling" in table else "mechanism"].value_counts()
     return {
         "points": len(table),
-        "load_factor": [float(known.min()), float(known.max())] if len(known) else None,
+        "load_factor": [float(finite.min()), float(finite.max())] if len(finite) else None,
         "proven": int(table["proven"].sum()),
         "regions": {str(name or "none"): int(count) for name, count in kinds.items()},
         "seconds": took,

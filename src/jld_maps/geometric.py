@@ -54,7 +54,7 @@ def _carry_supports(assembly: Assembly, found: Middles) -> None:
     """Let supports grow with the blocks that they meet."""
     support = assembly.elements.support
     vertices, middles = (
-        np.concatenate([one for one, held in zip(part, support, strict=True) if not held])
+        np.concatenate([points for points, is_support in zip(part, support, strict=True) if not is_support])
         for part in (found.points, found.middle)
     )
     for k in np.flatnonzero(support).tolist():
@@ -83,8 +83,8 @@ def _between(points: Floats, corners: Floats, middle: Floats, near: float) -> Fl
 
 def _joints_of(assembly: Assembly, element: int) -> list[Floats]:
     faces = assembly.interfaces
-    own = np.flatnonzero((faces.a == element) | (faces.b == element)).tolist()
-    return [faces.polygon[face] for face in own if face < assembly.faces]
+    joints = np.flatnonzero((faces.a == element) | (faces.b == element)).tolist()
+    return [faces.polygon[face] for face in joints if face < assembly.faces]
 
 
 def _chain(assembly: Assembly, near: float) -> Middles:
@@ -136,12 +136,12 @@ def _whole(assembly: Assembly, near: float) -> Middles:
     """Find the middle of a wall, a beam or an arch of several blocks through the thickness, in the plane."""
     elements, faces = assembly.elements, assembly.interfaces
     support = elements.support
-    own = np.flatnonzero((support[faces.a] | support[faces.b])[: assembly.faces]).tolist()
+    joints = np.flatnonzero((support[faces.a] | support[faces.b])[: assembly.faces]).tolist()
     outlines = [elements.shape[k] for k in elements.free.tolist()]
-    middle_of, thickness, across = _of_body(outlines, [faces.polygon[face] for face in own], near)
+    middle_of, thickness, across = _of_body(outlines, [faces.polygon[face] for face in joints], near)
     exact = _exact(middle_of, outlines, near)
-    middle = [exact(points) if across == "wall" or not held else points.copy()
-              for points, held in zip(elements.shape, support, strict=True)]  # fmt: skip
+    middle = [exact(points) if across == "wall" or not is_support else points.copy()
+              for points, is_support in zip(elements.shape, support, strict=True)]  # fmt: skip
     return Middles(list(elements.shape), middle, thickness, across, near)
 
 
@@ -152,16 +152,16 @@ def _exact(middle_of: Map, outlines: Sequence[Floats], near: float) -> Map:
     edges, size = ends - starts, np.linalg.norm(ends - starts, axis=1)
 
     def middles(points: Floats, depth: int = 8) -> Floats:
-        found = middle_of(points)
+        middle = middle_of(points)
         for k, point in enumerate(points) if depth else ():
             part = ((point - starts) * edges).sum(axis=1) / size**2
             off = np.linalg.norm(starts + part[:, None] * edges - point, axis=1)
             inside = np.flatnonzero((off <= near) & (part * size > near) & ((1.0 - part) * size > near))
             if len(inside):
                 edge = int(inside[size[inside].argmax()])
-                one, two = middles(np.stack([starts[edge], ends[edge]]), depth - 1)
-                found[k] = (1.0 - part[edge]) * one + part[edge] * two
-        return found
+                first, second = middles(np.stack([starts[edge], ends[edge]]), depth - 1)
+                middle[k] = (1.0 - part[edge]) * first + part[edge] * second
+        return middle
 
     return middles
 
@@ -198,8 +198,8 @@ def _unit(vector: Floats) -> Floats:
 
 def _in_frame(points: Floats, start: Floats, end: Floats) -> Floats:
     """Return points (k, 2) along a line and to the left of it."""
-    way = _unit(end - start)
-    return np.asarray((points - start) @ np.array([way, [-way[1], way[0]]]).T)
+    direction = _unit(end - start)
+    return np.asarray((points - start) @ np.array([direction, [-direction[1], direction[0]]]).T)
 
 
 def _wall(outline: Floats, base: Floats, near: float) -> tuple[Map, Sizes]:
@@ -219,17 +219,17 @@ def _wall(outline: Floats, base: Floats, near: float) -> tuple[Map, Sizes]:
         raise InputError("elements", "it does not stand on a whole side: no middle line", "a wall on its support")
     right = side(low[x[low].argmax()], high[x[high].argmax()])
     left = side(high[x[high].argmin()], low[x[low].argmin()])[::-1]
-    if y.min() < -near or any((np.diff(y[one]) <= near).any() for one in (left, right)):
+    if y.min() < -near or any((np.diff(y[side_points]) <= near).any() for side_points in (left, right)):
         problem = "its outline has steps, or hangs over its support: no middle line"
         raise InputError("elements", problem, "a wall with two sides from its support to its top")
-    way, levels = _unit(base[1] - base[0]), np.concatenate([y[left], y[right]])
+    direction, levels = _unit(base[1] - base[0]), np.concatenate([y[left], y[right]])
 
     def halves(height: Floats) -> list[Floats]:
-        return [np.interp(height, y[one], x[one]) for one in (left, right)]
+        return [np.interp(height, y[side_points], x[side_points]) for side_points in (left, right)]
 
     def middle(points: Floats) -> Floats:
         along, height = _in_frame(points, *base).T
-        return np.asarray(points + np.outer(0.5 * sum(halves(height)) - along, way))
+        return np.asarray(points + np.outer(0.5 * sum(halves(height)) - along, direction))
 
     widths = np.subtract(*halves(levels)[::-1])
     return middle, (float(widths.min()), float(widths.max()))
@@ -244,8 +244,8 @@ def _arch(body: Any, outline: Floats, ends: Sequence[Floats], near: float) -> tu
     points = np.concatenate([*ends, outline])
     owner = np.repeat([0, 1, -1], [2, 2, len(outline)])  # contacts may end within a side of the outline
     order = np.argsort([body.exterior.project(shapely.Point(one)) for one in points], kind="stable")
-    again = np.linalg.norm(points[order] - np.roll(points[order], 1, axis=0), axis=1) <= near
-    order = order[~(again & (owner[order] < 0))]
+    steps = np.linalg.norm(points[order] - np.roll(points[order], 1, axis=0), axis=1) <= near
+    order = order[~(steps & (owner[order] < 0))]
     # a side runs from a contact to the other one
     stops, sides = np.flatnonzero(owner[order] >= 0), []
     for first, last in zip(stops, np.roll(stops, -1), strict=True):
@@ -256,12 +256,12 @@ def _arch(body: Any, outline: Floats, ends: Sequence[Floats], near: float) -> tu
     if len(sides) != 2 or len(corners[0]) != len(corners[1]):
         problem = "the corners of its two sides do not match: no middle line"
         raise InputError("elements", problem, "an arch or a frame on two supports")
-    places = []
+    positions = []
     for side, own_corners in zip(sides, corners, strict=True):
         pieces = itertools.pairwise([0, *own_corners, len(side) - 1])
         parts = [k + _along(side[i : j + 1]) for k, (i, j) in enumerate(pieces)]
-        places.append(np.concatenate([parts[0], *(part[1:] for part in parts[1:])]))
-    chords = _Chords(sides, places, near, near * body.length)
+        positions.append(np.concatenate([parts[0], *(part[1:] for part in parts[1:])]))
+    chords = _Chords(sides, positions, near, near * body.length)
     sizes = np.linalg.norm(np.subtract(*chords.ends(chords.marks)), axis=1)
 
     def middles(points: Floats) -> Floats:
@@ -284,17 +284,17 @@ class _Chords:
         """Return the places of all points of either side, ascending."""
         return np.unique(np.concatenate(self.places))
 
-    def ends(self, place: Floats) -> tuple[Floats, Floats]:
+    def ends(self, position: Floats) -> tuple[Floats, Floats]:
         """Return the ends (k, 2) on both sides of chords at places (k,)."""
         start, end = (
-            np.column_stack([np.interp(place, own_places, side[:, axis]) for axis in (0, 1)])
+            np.column_stack([np.interp(position, own_places, side[:, axis]) for axis in (0, 1)])
             for own_places, side in zip(self.places, self.sides, strict=True)
         )
         return start, end
 
-    def _area(self, place: Floats, point: Floats) -> Floats:
+    def _area(self, position: Floats, point: Floats) -> Floats:
         """Return the signed area between chords and a point, zero where it lies in their line."""
-        start, end = self.ends(place)
+        start, end = self.ends(position)
         chord, arm = end - start, point - start
         return np.asarray(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0])
 
@@ -316,8 +316,8 @@ class _Chords:
 
 
 def _corners(line: Floats) -> list[int]:
-    ways = np.diff(line, axis=0)
-    turns = abs(np.angle(np.exp(1j * np.diff(np.arctan2(ways[:, 1], ways[:, 0])))))
+    steps = np.diff(line, axis=0)
+    turns = abs(np.angle(np.exp(1j * np.diff(np.arctan2(steps[:, 1], steps[:, 0])))))
     return (np.flatnonzero(turns > _SHARP) + 1).tolist()
 
 
@@ -365,14 +365,14 @@ def _middles_of_prisms(assembly: Assembly, near: float) -> Middles:
     return Middles(list(elements.shape), middle, thickness, across, near)
 
 
-def _end(assembly: Assembly, element: int, way: Floats, near: float) -> tuple[int, ...]:
+def _end(assembly: Assembly, element: int, direction: Floats, near: float) -> tuple[int, ...]:
     """Return the corners of an end of a prism along a direction; () where it is none."""
     points = assembly.elements.shape[element]
-    place = points @ way
-    low = place <= place.min() + near
-    if not (low | (place >= place.max() - near)).all() or 2 * low.sum() != len(points):
+    heights = points @ direction
+    low = heights <= heights.min() + near
+    if not (low | (heights >= heights.max() - near)).all() or 2 * low.sum() != len(points):
         return ()
-    shift = (place.max() - place.min()) * way
+    shift = (heights.max() - heights.min()) * direction
     if np.linalg.norm(points[low][:, None] + shift - points[~low], axis=2).min(axis=1).max() > near:
         return ()
     return next((face for face in assembly.elements.faces[element] if low[list(face)].all()), ())
@@ -396,8 +396,8 @@ def _middle_surface(points: Floats, faces: list[list[int]], joints: list[Floats]
     free = []
     for face in faces:
         corner, normal = points[face[0]], np.zeros(3)
-        for one, two in itertools.pairwise(face[1:]):
-            normal += np.cross(points[one] - corner, points[two] - corner)
+        for second, third in itertools.pairwise(face[1:]):
+            normal += np.cross(points[second] - corner, points[third] - corner)
         normal /= np.linalg.norm(normal)
         if not any(abs((joint - corner) @ normal).max() <= near for joint in joints):
             free.append(face)
@@ -437,8 +437,8 @@ class GeometricSafety:
     across: str  # what is scaled
 
     def to_json(self) -> dict[str, Any]:
-        ends = [None if math.isnan(one) else one for one in self.factor]
-        least = [None if math.isnan(one) else one for one in self.scale]
+        ends = [None if math.isnan(end) else end for end in self.factor]
+        least = [None if math.isnan(end) else end for end in self.scale]
         return {"factor": ends, "least_scale": least, "thickness": list(self.thickness), "across": self.across}
 
     def __str__(self) -> str:
@@ -518,8 +518,8 @@ def _document(scene: Scene, assembly: Assembly) -> dict[str, Any]:
     if grid is not None:
         document["thickness"] = grid.get("thickness", 1.0)
         document["elements"] = [
-            {"id": name, "polygon": [], "support": bool(one)}
-            for name, one in zip(elements.ids, elements.support, strict=True)
+            {"id": name, "polygon": [], "support": bool(is_support)}
+            for name, is_support in zip(elements.ids, elements.support, strict=True)
         ]
     loads, force = document["loads"], [1.0, *[0.0] * (assembly.dimension - 1)]
     live = [{"element": elements.ids[elements.free[0]], "force": force}]

@@ -73,32 +73,36 @@ def put(document: dict[str, Any], key: str, value: Any) -> None:
         _turn(document, key, float(value))
         return
     path = parts_of(key)
-    now, place, part = place_of(document, key)
+    now, container, part = place_of(document, key)
     # a number may take the place of one with a distribution, or with a nominal and a low value
     if path[0] in _FREE or (isinstance(now, dict) and now.keys().isdisjoint(("mean", "nominal"))):
         raise InputError(key, "it is no number that λ depends on", "a key such as materials.dry.friction_coefficient")
-    if isinstance(place, dict) and str(part).startswith("friction_"):  # a scene states one of both
-        place.pop("friction_angle", None)
-        place.pop("friction_coefficient", None)
-    place[part] = value
+    if isinstance(container, dict) and str(part).startswith("friction_"):  # a scene states one of both
+        container.pop("friction_angle", None)
+        container.pop("friction_coefficient", None)
+    container[part] = value
 
 
 def parts_of(key: str) -> list[Any]:
-    return [int(one) if one.isdigit() else one for one in re.findall(r"[^.\[\]]+", key)] or [key]
+    return [int(part) if part.isdigit() else part for part in re.findall(r"[^.\[\]]+", key)] or [key]
 
 
 def place_of(document: Any, key: str) -> tuple[Any, Any, Any]:
     """Return the value of a key in a scene or None, the object that holds it, and its last part; objects are made."""
-    place: Any = document
+    container: Any = document
     path = parts_of(key)
     for depth, part in enumerate(path):
-        listed = isinstance(place, list)
-        if not isinstance(place, list | dict) or listed != isinstance(part, int) or (listed and part >= len(place)):
-            has = f"an entry from 0 to {len(place) - 1}" if listed else "a key of the scene"
+        listed = isinstance(container, list)
+        if (
+            not isinstance(container, list | dict)
+            or listed != isinstance(part, int)
+            or (listed and part >= len(container))
+        ):
+            has = f"an entry from 0 to {len(container) - 1}" if listed else "a key of the scene"
             raise InputError(key, f"there is no {part} in {'.'.join(map(str, path[:depth])) or 'the scene'}", has)
         if depth < len(path) - 1:
-            place = place[part] if isinstance(place, list) else place.setdefault(part, {})
-    return place[path[-1]] if isinstance(place, list) else place.get(path[-1]), place, path[-1]
+            container = container[part] if isinstance(container, list) else container.setdefault(part, {})
+    return container[path[-1]] if isinstance(container, list) else container.get(path[-1]), container, path[-1]
 
 
 def _turn(document: dict[str, Any], key: str, degrees: float) -> None:
@@ -106,12 +110,12 @@ def _turn(document: dict[str, Any], key: str, degrees: float) -> None:
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     loads = document.get("loads", {})
     for entry in [one for case in [loads, *loads.get("cases", [])] for one in case.get("live") or []]:
-        named = [name for name in ("force", "body") if name in entry]
-        if not named or "pressure" in entry or "tilt" in entry:
+        keys = [name for name in ("force", "body") if name in entry]
+        if not keys or "pressure" in entry or "tilt" in entry:
             raise InputError(key, "a live load has no direction of its own", "live loads with a force or a body load")
-        for name in named:
-            x, y, *rest = entry[name]
-            entry[name] = [c * x - s * y, s * x + c * y, *rest]
+        for name in keys:
+            x, y, *others = entry[name]
+            entry[name] = [c * x - s * y, s * x + c * y, *others]
 
 
 @dataclass(frozen=True)
@@ -127,17 +131,17 @@ class States:
 
         A position between two values gives the state between theirs.
         """
-        parts = [np.repeat(one[None], len(places), axis=0) for one in self.base]
+        parts = [np.repeat(array[None], len(places), axis=0) for array in self.base]
         for axes, shape, changes in self.groups:
             low = np.floor(places[:, axes]).astype(np.int64)
             share = (places[:, axes] - low).max(axis=1)
             between = share > 0.0
             high = np.ceil(places[:, axes]).astype(np.int64)
-            first, second = (np.ravel_multi_index(tuple(one.T), shape) for one in (low, high[between]))
+            first, second = (np.ravel_multi_index(tuple(array.T), shape) for array in (low, high[between]))
             for part, (values, where) in zip(parts, changes, strict=True):
                 part[:, where] = values[first][:, where]
-                own = share[between].reshape(-1, *[1] * (values.ndim - 1))
-                mixed = (1.0 - own) * values[first[between]] + own * values[second]
+                share_of_state = share[between].reshape(-1, *[1] * (values.ndim - 1))
+                mixed = (1.0 - share_of_state) * values[first[between]] + share_of_state * values[second]
                 part[between] = np.where(where, mixed, part[between])
         names = Strengths.__dataclass_fields__
         strengths = Strengths(**{name: parts[0][:, k].ravel() for k, name in enumerate(names)})
@@ -186,10 +190,12 @@ class Grid:
         put(document, key, value)
         return place_of(parse_scene(document).model_dump(mode="json"), key)[0]
 
-    def scene(self, place: Any) -> Scene:
+    def scene(self, indices: Any) -> Scene:
         """Return the scene at positions (axes,) of values, or between two."""
         changed = deepcopy(self.document)
-        values = {key: _value(own, float(k)) for (key, own), k in zip(self.axes.items(), place, strict=True)}
+        values = {
+            key: _value(axis_values, float(k)) for (key, axis_values), k in zip(self.axes.items(), indices, strict=True)
+        }
         for key in sorted(values, key=lambda value: value == ANGLE):  # what is turned is stated first
             put(changed, key, values[key])
         return parse_scene(changed)
@@ -214,14 +220,14 @@ class Grid:
         middle = self.assembly(self.middle)
         if self._geometry is None or middle.cracks != "faces" or middle.face_strengths.criteria:
             return None
-        base, rest = _state(middle), _rest(middle)
+        base, other_keys = _state(middle), _rest(middle)
         changed = []
         for axis, (key, count) in enumerate(zip(self.axes, self.shape, strict=True)):
-            found = self._along([axis], rest)
-            if found is None:
+            along = self._along([axis], other_keys)
+            if along is None:
                 return None
-            changed.append([_differs(one, values) for one, values in zip(base, found, strict=True)])
-            if count > 1 and not any(one.any() for one in changed[-1]):
+            changed.append([_differs(array, values) for array, values in zip(base, along, strict=True)])
+            if count > 1 and not any(array.any() for array in changed[-1]):
                 raise InputError(key, "no load factor depends on it", "a key of strengths, weights, loads or geometry")
         groups: list[list[int]] = []
         for axis in range(len(self.shape)):
@@ -230,23 +236,24 @@ class Grid:
         states = []
         for axes in groups:
             shape = tuple(self.shape[axis] for axis in axes)
-            found = self._along(axes, rest) if math.prod(shape) <= _JOINED else None
-            if found is None:
+            along = self._along(axes, other_keys) if math.prod(shape) <= _JOINED else None
+            if along is None:
                 return None
-            states.append((axes, shape, [(one, _differs(own, one)) for own, one in zip(base, found, strict=True)]))
+            differing = [(values, _differs(array, values)) for array, values in zip(base, along, strict=True)]
+            states.append((axes, shape, differing))
         return States(base, states)
 
-    def _along(self, axes: list[int], rest: bytes) -> list[Floats] | None:
+    def _along(self, axes: list[int], other_keys: bytes) -> list[Floats] | None:
         """Return strengths and loads at all values of some axes, others at their middle; None where more changes."""
         states = []
         for values in itertools.product(*(range(self.shape[axis]) for axis in axes)):
-            place = self.middle.copy()
-            place[axes] = values
-            assembly = self.assembly(place)
-            if _rest(assembly) != rest:
+            indices = self.middle.copy()
+            indices[axes] = values
+            assembly = self.assembly(indices)
+            if _rest(assembly) != other_keys:
                 return None
             states.append(_state(assembly))
-        return [np.array(one) for one in zip(*states, strict=True)]
+        return [np.array(array) for array in zip(*states, strict=True)]
 
     def _acts_together(self, changed: list[list[Bools]], one: int, two: int) -> bool:
         """Return True if two axes change the same values, both change loads, or stand in one object of the scene."""
@@ -259,9 +266,13 @@ class Grid:
         return bool((first[0] & second[0]).any() or (first[1].any() and second[1].any()) or joined)
 
 
-def _value(own: list[Any], place: float) -> Any:
-    low = int(place)
-    return own[low] if low == place else (1.0 - place + low) * own[low] + (place - low) * own[low + 1]
+def _value(axis_values: list[Any], index: float) -> Any:
+    low = int(index)
+    return (
+        axis_values[low]
+        if low == index
+        else (1.0 - index + low) * axis_values[low] + (index - low) * axis_values[low + 1]
+    )
 
 
 def _differs(base: Floats, values: Floats) -> Bools:
@@ -278,10 +289,10 @@ def mechanism_names(assembly: Assembly, labels: Bits, kinds: Any) -> Any:
     touch supports. Several parts are joined by "and"; a mechanism in which joints only open is "opening".
     """
     faces, support = assembly.interfaces, assembly.elements.support
-    own = np.arange(len(labels)) < assembly.faces
-    base = (support[faces.a] | support[faces.b]) & own
+    is_face = np.arange(len(labels)) < assembly.faces
+    base = (support[faces.a] | support[faces.b]) & is_face
 
-    def found(kind: str, where: Any = own) -> Any:
+    def found(kind: str, where: Any = is_face) -> Any:
         return (kinds == kind) & where
 
     slides, hinges = found("slide"), found("hinge")
@@ -325,26 +336,28 @@ def sweep(
     if not callable(structure):
         points = Grid(structure if isinstance(structure, Scene) else load_scene(structure), axes)
         axes = points.axes
-    places = np.array(list(itertools.product(*(range(len(axis)) for axis in axes.values()))))
-    columns = zip(axes.items(), places.T.tolist(), strict=True)
+    indices = np.array(list(itertools.product(*(range(len(axis)) for axis in axes.values()))))
+    columns = zip(axes.items(), indices.T.tolist(), strict=True)
     table = pd.DataFrame({key: [values[k] for k in column] for (key, values), column in columns})
     one_by_one = delayed(_best if explore else _solved)
     if points is None:
         points_in = [{str(key): value for key, value in row.items()} for row in table.to_dict("records")]
         # a function of one parameter with another name than the keys takes a point as a dict
-        named = list(signature(structure).parameters.values())
-        whole = len(named) == 1 and named[0].name not in axes and named[0].kind is not Parameter.VAR_KEYWORD
-        made = [structure(row) if whole else structure(**row) for row in points_in]
-        rows = Parallel(n_jobs=jobs)(one_by_one(scene, labels, fields, seconds) for scene in made)
+        parameters = list(signature(structure).parameters.values())
+        takes_dict = (
+            len(parameters) == 1 and parameters[0].name not in axes and parameters[0].kind is not Parameter.VAR_KEYWORD
+        )
+        structures = [structure(row) if takes_dict else structure(**row) for row in points_in]
+        rows = Parallel(n_jobs=jobs)(one_by_one(scene, labels, fields, seconds) for scene in structures)
         return table.assign(**pd.DataFrame(rows))
     states = None if explore else points.states()
     swept = None if states is None else Swept(points, states, labels)
     if swept is None or not swept.batched:
-        rows = Parallel(n_jobs=jobs)(one_by_one(points.scene(row), labels, fields, seconds) for row in places)
+        rows = Parallel(n_jobs=jobs)(one_by_one(points.scene(row), labels, fields, seconds) for row in indices)
         return table.assign(**pd.DataFrame(rows))
-    table = table.assign(**swept.all(places, jobs))
+    table = table.assign(**swept.all(indices, jobs))
     if fields:
-        more = Parallel(n_jobs=jobs)(delayed(_by_fields)(points.assembly(row), labels, seconds) for row in places)
+        more = Parallel(n_jobs=jobs)(delayed(_by_fields)(points.assembly(row), labels, seconds) for row in indices)
         table = table.assign(**pd.DataFrame(more))
     return table
 
@@ -357,13 +370,13 @@ def _uncut(assembly: Assembly, labels: Bits) -> Bits:
 
 def _solved(structure: Any, labels: Any, fields: bool, seconds: float | None) -> dict[str, Any]:
     assembly = structure if isinstance(structure, Assembly) else build_assembly(structure)
-    own = assemblies.labels_of(assembly, labels)
-    found = solve(assembly, own)
-    row = _row(found) | {"uncut": found.bracket[1]}
-    whole = _uncut(assembly, own)
-    if (whole != own).any():
-        row["uncut"] = solve(assembly, whole).bracket[1]
-    return row | (_by_fields(assembly, own, seconds) if fields else {})
+    layout_labels = assemblies.labels_of(assembly, labels)
+    result = solve(assembly, layout_labels)
+    row = _row(result) | {"uncut": result.bracket[1]}
+    uncut = _uncut(assembly, layout_labels)
+    if (uncut != layout_labels).any():
+        row["uncut"] = solve(assembly, uncut).bracket[1]
+    return row | (_by_fields(assembly, layout_labels, seconds) if fields else {})
 
 
 def _bounds_of(columns: dict[str, Any]) -> list[CaseBounds]:
@@ -372,41 +385,41 @@ def _bounds_of(columns: dict[str, Any]) -> list[CaseBounds]:
     return [CaseBounds(Status(name or "uncertified"), low, high, 0.5 * (low + high)) for name, low, high in rows]
 
 
-def _row(found: Any) -> dict[str, Any]:
+def _row(result: Any) -> dict[str, Any]:
     name = ""
-    if found.status is Status.COLLAPSE and found.mechanism is not None:
-        jumps = face_jumps(found.assembly, found.mechanism)[None]
-        friction = np.nan_to_num(found.assembly.strengths(_SWEEP_ROUTE).friction)
-        kinds = movements(found.assembly, found.labels, jumps, friction)[0]
-        name = mechanism_names(found.assembly, found.labels, kinds)[0]
+    if result.status is Status.COLLAPSE and result.mechanism is not None:
+        jumps = face_jumps(result.assembly, result.mechanism)[None]
+        friction = np.nan_to_num(result.assembly.strengths(_SWEEP_ROUTE).friction)
+        kinds = movements(result.assembly, result.labels, jumps, friction)[0]
+        name = mechanism_names(result.assembly, result.labels, kinds)[0]
     return {
-        "load_factor": found.load_factor,
-        "bracket_lo": found.bracket[0],
-        "bracket_hi": found.bracket[1],
-        "status": str(found.status),
+        "load_factor": result.load_factor,
+        "bracket_lo": result.bracket[0],
+        "bracket_hi": result.bracket[1],
+        "status": str(result.status),
         "mechanism": name,
-        "proven": found.status in _DECIDED,
+        "proven": result.status in _DECIDED,
     }
 
 
 def _by_fields(assembly: Assembly, labels: Any, seconds: float | None) -> dict[str, float]:
-    found = solve(assembly, labels, cracks="fields", seconds=seconds)
-    return {"fields_lo": found.bracket[0], "fields_hi": found.bracket[1]}
+    result = solve(assembly, labels, cracks="fields", seconds=seconds)
+    return {"fields_lo": result.bracket[0], "fields_hi": result.bracket[1]}
 
 
 def _best(structure: Any, labels: Any, fields: bool, seconds: float | None) -> dict[str, Any]:
     """Return the columns of the strongest layout at one point."""
     folder = Path(tempfile.mkdtemp(prefix="jld-map-"))
     try:
-        done = search(structure, folder / "search", pictures=False, seconds=seconds)
-        facts, best = done.summary, done.result(1) if done.summary.best is not None else None
+        exploration = search(structure, folder / "search", pictures=False, seconds=seconds)
+        facts, best = exploration.summary, exploration.result(1) if exploration.summary.best is not None else None
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     numbers = dict.fromkeys(("load_factor", "bracket_lo", "bracket_hi"), np.nan)
     row = {**numbers, "status": "unstable", "mechanism": ""} if best is None else _row(best)
     assembly = build_assembly(structure)
-    whole = solve(assembly, _uncut(assembly, assembly.labels)).bracket[1]
-    row |= {"proven": bool(facts.proven), "uncut": whole, "labelling": facts.best_labelling}
+    uncut = solve(assembly, _uncut(assembly, assembly.labels)).bracket[1]
+    row |= {"proven": bool(facts.proven), "uncut": uncut, "labelling": facts.best_labelling}
     if fields:
         row["fields_lo"], row["fields_hi"] = facts.by_fields or (np.nan, np.nan)
     return row
@@ -419,11 +432,11 @@ class Swept:
         self.points, self.states, self.assembly = points, states, points.assembly(points.middle)
         self.labels = assemblies.labels_of(self.assembly, labels)
         require_materials(self.assembly, self.labels, ~self.labels)
-        whole = _uncut(self.assembly, self.labels) if uncut else self.labels
-        self._whole = None if (whole == self.labels).all() else whole
-        each = {one.tobytes(): one for one in (self.labels, whole)}
-        self._usual = {key: self._analyses(self.assembly, one) for key, one in each.items()}
-        self.batched = all(one.batched for each in self._usual.values() for one in each)
+        uncut_labels = _uncut(self.assembly, self.labels) if uncut else self.labels
+        self._whole = None if (uncut_labels == self.labels).all() else uncut_labels
+        each = {labels_of.tobytes(): labels_of for labels_of in (self.labels, uncut_labels)}
+        self._usual = {key: self._analyses(self.assembly, labels_of) for key, labels_of in each.items()}
+        self.batched = all(labels_of.batched for each in self._usual.values() for labels_of in each)
 
     @staticmethod
     def _analyses(assembly: Assembly, labels: Bits) -> list[SampleAnalysis]:
@@ -437,9 +450,9 @@ class Swept:
 
     @one_thread()
     def _portion(self, places: Floats) -> dict[str, Any]:
-        found = self._bounds(places, self.labels)
-        whole = found if self._whole is None else self._bounds(places, self._whole, named=False)
-        return found | {"uncut": np.where(np.isfinite(whole["bracket_hi"]), whole["bracket_hi"], np.nan)}
+        bounds = self._bounds(places, self.labels)
+        uncut = bounds if self._whole is None else self._bounds(places, self._whole, named=False)
+        return bounds | {"uncut": np.where(np.isfinite(uncut["bracket_hi"]), uncut["bracket_hi"], np.nan)}
 
     def _bounds(self, places: Floats, labels: Bits, *, named: bool = True) -> dict[str, Any]:
         """Return the columns of points: by batches, then one by one."""
@@ -462,26 +475,26 @@ class Swept:
             # a starting point among those that are left
             analyses = self._analyses(self.points.assembly(places[open_rows[len(open_rows) // 2]]), labels)
         for k in open_rows.tolist():
-            alone = CaseAnalysis(self.points.assembly(places[k]), _OPTIONS, single_labelling=True).solve(labels)
-            for name, value in _row(alone).items():
+            single = CaseAnalysis(self.points.assembly(places[k]), _OPTIONS, single_labelling=True).solve(labels)
+            for name, value in _row(single).items():
                 columns[name][k] = value
         return columns
 
     def _case(
-        self, one: SampleAnalysis, strengths: Strengths, loads: Floats, labels: Bits, *, named: bool
+        self, analysis: SampleAnalysis, strengths: Strengths, loads: Floats, labels: Bits, *, named: bool
     ) -> dict[str, Any]:
         """Return the columns of k points under one load case; status "" where it is open. loads: (2, k, n, q)."""
-        found = one.solve(strengths, *loads, vectors=named)
-        bounds, scaling = one.bounds(found), one.analysis.template.scaling
+        solved = analysis.solve(strengths, *loads, vectors=named)
+        bounds, scaling = analysis.bounds(solved), analysis.analysis.template.scaling
         columns: dict[str, Any] = {
-            "status": np.array([str(bounds.status(k) or "") for k in range(len(found.low))], dtype=object),
+            "status": np.array([str(bounds.status(k) or "") for k in range(len(solved.low))], dtype=object),
             "bracket_lo": scaling.load * bounds.low,
             "bracket_hi": scaling.load * bounds.high,
-            "mechanism": np.full(len(found.low), "", dtype=object),
+            "mechanism": np.full(len(solved.low), "", dtype=object),
         }
         falls = np.flatnonzero(columns["status"] == str(Status.COLLAPSE)) if named else np.zeros(0, dtype=np.int64)
         if len(falls):
-            velocity = found.velocities[falls] / scaling.row.ravel()
+            velocity = solved.velocities[falls] / scaling.row.ravel()
             jumps = (equilibrium_matrix(self.assembly).T @ velocity.T).T.reshape(len(falls), len(labels), -1)
             friction = np.nan_to_num(strengths.friction.reshape(-1, len(labels))[falls])
             kinds = movements(self.assembly, labels, jumps, friction)[0]

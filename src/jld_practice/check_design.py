@@ -50,14 +50,14 @@ def check_design(
         )
     if not as_json and not source.is_dir():
         cli_check.warn_of(source, check.assembly)
-    told = json.dumps(to_json(check), indent=1)
+    text = json.dumps(to_json(check), indent=1)
     if out is not None:
         from jld_practice.design_check.page import write_pages
 
         out.mkdir(parents=True, exist_ok=True)
-        files.write_text(out / "design_check.json", told)
+        files.write_text(out / "design_check.json", text)
         write_pages(check, out, language)
-    streams.say(told if as_json else in_words(check))
+    streams.say(text if as_json else in_words(check))
     if check.verified is None:
         raise typer.Exit(ending.UNCERTIFIED)
 

@@ -95,5 +95,5 @@ def design(
     )
     ending.raise_on_signals()
     with error_context(outline, str(out), str(outline)):
-        done = design_outline(outline, out, options, None if as_json else streams.say, started=context.obj)
-    streams.say(json.dumps(facts_of(done), indent=1) if as_json else words_of(done))
+        result = design_outline(outline, out, options, None if as_json else streams.say, started=context.obj)
+    streams.say(json.dumps(facts_of(result), indent=1) if as_json else words_of(result))

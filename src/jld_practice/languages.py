@@ -218,17 +218,17 @@ _VECTOR: Final = re.compile(r"\(([-−+\d., e]*\.[-−+\d., e]*)\)")
 
 
 def words_in(language: str, words: Mapping[str, tuple[str, str, str]] = WORDS) -> dict[str, str]:
-    place = LANGUAGES.index(language)
-    return {key: texts[place] for key, texts in words.items()}
+    index = LANGUAGES.index(language)
+    return {key: texts[index] for key, texts in words.items()}
 
 
 def phrase_in(language: str, text: str) -> str:
-    place = LANGUAGES.index(language)
-    if place > 0:
+    index = LANGUAGES.index(language)
+    if index > 0:
         for pattern, *others in PHRASES:
-            found = pattern.fullmatch(text)
-            if found is not None:
-                return found.expand(others[place - 1])
+            match = pattern.fullmatch(text)
+            if match is not None:
+                return match.expand(others[index - 1])
     return text
 
 
@@ -240,8 +240,8 @@ def digits(value: float) -> str:
 
 def decimal_commas(text: str) -> str:
     """Write decimal points of numbers in a text as commas, commas between entries as ";"."""
-    apart = _VECTOR.sub(lambda found: found.group().replace(", ", "; "), text)
-    return _DECIMAL.sub(r"\1,\2", apart)
+    separated = _VECTOR.sub(lambda match: match.group().replace(", ", "; "), text)
+    return _DECIMAL.sub(r"\1,\2", separated)
 
 
 def localise(page: Figure, language: str, names: Container[str] = ()) -> None:
@@ -250,17 +250,17 @@ def localise(page: Figure, language: str, names: Container[str] = ()) -> None:
 
     if language == LANGUAGES[0]:
         return
-    place = LANGUAGES.index(language) - 1
+    index = LANGUAGES.index(language) - 1
     for axes in page.axes:
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_formatter(lambda value, _: decimal_commas(f"{value:g}").replace("-", "−"))
         legend = axes.get_legend()
         for entry in legend.get_texts() if legend is not None else ():
-            number, known, rest = entry.get_text().partition(" ")
-            counted = known and number.isdigit() and rest in LEGEND
-            own = LEGEND.get(rest if counted else entry.get_text())
-            if own is not None:
-                entry.set_text(f"{number} {own[place]}" if counted else own[place])
+            number, separator, remainder = entry.get_text().partition(" ")
+            counted = separator and number.isdigit() and remainder in LEGEND
+            translated = LEGEND.get(remainder if counted else entry.get_text())
+            if translated is not None:
+                entry.set_text(f"{number} {translated[index]}" if counted else translated[index])
     for text in page.findobj(Text):
         if isinstance(text, Text) and text.get_text() not in names:
             text.set_text(decimal_commas(phrase_in(language, text.get_text())))

@@ -77,10 +77,10 @@ def stones_of(layout: Layout) -> list[Stone]:
             )
             outline = None
             sides = [high - low for low, high in zip(block.lower, block.upper, strict=True)]
-        own = (len(directions), outlines.different_lines(directions), sawn, outline)
+        shape_facts = (len(directions), outlines.different_lines(directions), sawn, outline)
         size = tuple(sorted(sides, reverse=True))
         mass = block.mass * (layout.assembly.kilograms or 1.0)
-        stones.append(Stone(number, block.name, block.shape, mass, block.volume, size, *own))
+        stones.append(Stone(number, block.name, block.shape, mass, block.volume, size, *shape_facts))
     return stones
 
 
@@ -139,7 +139,7 @@ def stones_table(layout: Layout, unit: str) -> pd.DataFrame:
     """Return the cutting list: one row per stone, as numbered in the report."""
     import pandas as pd  # slow to import and needed for tables only
 
-    factor, metres = (factor_to(one, layout.scene.units.length) for one in (unit, "m"))
+    factor, metres = (factor_to(target, layout.scene.units.length) for target in (unit, "m"))
     rows = [
         {
             "stone": stone.number,
@@ -174,19 +174,19 @@ def load_rows(
     scene, rows = layout.scene, []
     cases = cases_of_scene(scene, layout.assembly.elements)
     for name, live in [(case.case.name, case.case.live) for case in cases] or [("", scene.loads.live or [])]:
-        entries = [uncertain.with_means(one.model_dump(mode="json", exclude_defaults=True)) for one in live]
+        entries = [uncertain.with_means(entry.model_dump(mode="json", exclude_defaults=True)) for entry in live]
         for group in _groups(layout, entries):
-            told, times = _load(layout, group, factor, words, stones)
-            rows.append([textwrap.shorten(languages.phrase_in(language, name), 24, placeholder="…"), told, times])
+            text, times = _load(layout, group, factor, words, stones)
+            rows.append([textwrap.shorten(languages.phrase_in(language, name), 24, placeholder="…"), text, times])
     return rows
 
 
 def force_words(layout: Layout, value: float) -> str:
     """Write a force in kN, or in the scene's unit where that is unknown."""
-    own = layout.scene.units.force
-    if own not in units.NEWTONS:
-        return f"{languages.digits(value)} {own}"
-    return f"{languages.digits(value * units.NEWTONS[own] / units.NEWTONS['kN'])} kN"
+    unit = layout.scene.units.force
+    if unit not in units.NEWTONS:
+        return f"{languages.digits(value)} {unit}"
+    return f"{languages.digits(value * units.NEWTONS[unit] / units.NEWTONS['kN'])} kN"
 
 
 def finite(value: float, write: Callable[[float], str]) -> str:
@@ -196,21 +196,23 @@ def finite(value: float, write: Callable[[float], str]) -> str:
 
 def _groups(layout: Layout, entries: list[dict[str, Any]]) -> list[list[dict[str, Any]]]:
     """Return the entries of a case, parallel forces on elements in one group, the others alone."""
-    found: list[list[dict[str, Any]]] = []
+    groups: list[list[dict[str, Any]]] = []
     for entry in entries:
-        alike = next((group for group in found if _parallel(layout, group[0], entry)), None)
+        alike = next((group for group in groups if _parallel(layout, group[0], entry)), None)
         if alike is None:
-            found.append([entry])
+            groups.append([entry])
         else:
             alike.append(entry)
-    return found
+    return groups
 
 
-def _parallel(layout: Layout, one: dict[str, Any], other: dict[str, Any]) -> bool:
+def _parallel(layout: Layout, first: dict[str, Any], second: dict[str, Any]) -> bool:
     """Return whether two loads are forces on elements in one direction, without a moment."""
-    if not all("force" in entry and "moment" not in entry and _element(layout, entry) >= 0 for entry in (one, other)):
+    if not all(
+        "force" in entry and "moment" not in entry and _element(layout, entry) >= 0 for entry in (first, second)
+    ):
         return False
-    a, b = (np.array(entry["force"], dtype=float) for entry in (one, other))
+    a, b = (np.array(entry["force"], dtype=float) for entry in (first, second))
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return size > 0.0 and float(a @ b) >= (1.0 - _PARALLEL) * size
 
@@ -227,10 +229,10 @@ def _load(
     entry = group[0]
     if (body := scene_loads.body_of(entry)) is not None:
         value = float(np.linalg.norm(body))
-        vector = ", ".join(f"{one + 0.0:.4g}" for one in body)
+        vector = ", ".join(f"{component + 0.0:.4g}" for component in body)
         return f"({vector}) {words['body']}", finite(factor * value, lambda x: f"{x:.4g}")
     if "force" in entry:
-        value = sum(float(np.linalg.norm(one["force"])) for one in group)
+        value = sum(float(np.linalg.norm(component["force"])) for component in group)
         text = f"{force_words(layout, value)} {_carriers(layout, group, words, stones)}"
         where = _place(layout, group)
         if where is not None:
@@ -263,8 +265,8 @@ def _place(layout: Layout, group: list[dict[str, Any]]) -> list[float] | None:
     if any("at" not in entry for entry in group):
         return None
     sizes = np.array([float(np.linalg.norm(entry["force"])) for entry in group])
-    places = np.array([entry["at"] for entry in group], dtype=float)
-    return [float(x) + 0.0 for x in sizes @ places / sizes.sum()] if sizes.sum() > 0.0 else None
+    points = np.array([entry["at"] for entry in group], dtype=float)
+    return [float(x) + 0.0 for x in sizes @ points / sizes.sum()] if sizes.sum() > 0.0 else None
 
 
 _SIZE: Final = 5.5  # size of the letters, points
@@ -296,7 +298,7 @@ def draw_mould(ax: Axes, stone: Stone, factor: float, tint: str) -> None:
     outward = np.column_stack([edges[:, 1], -edges[:, 0]]) / lengths[:, None]
     point = _point(ax, ring)
     outline = shapely.LinearRing(ring)
-    taken: list[shapely.Geometry] = []
+    occupied: list[shapely.Geometry] = []
     # long edges first: they have room beside their middle
     for k in np.argsort(-lengths, kind="stable").tolist():
         if lengths[k] <= _SHORT * float(np.ptp(ring, axis=0).max()):
@@ -304,14 +306,14 @@ def draw_mould(ax: Axes, stone: Stone, factor: float, tint: str) -> None:
         text = f"{lengths[k]:.0f}" if lengths[k] >= 99.95 else f"{lengths[k]:.1f}"
         half = 0.5 * point * _SIZE * np.array([_LETTER[0] * len(text), _LETTER[1]])
         off = float(abs(outward[k]) @ half) + _GAP * point
-        places = [ring[k] + share * edges[k] + side * off * outward[k] for side in (1.0, -1.0) for share in _SHARES]
-        boxes = shapely.box(*(np.array(places) - half).T, *(np.array(places) + half).T)
+        positions = [ring[k] + share * edges[k] + side * off * outward[k] for side in (1.0, -1.0) for share in _SHARES]
+        boxes = shapely.box(*(np.array(positions) - half).T, *(np.array(positions) + half).T)
         free = [
-            not (outline.intersects(box) or any(box.intersects(other) for other in taken)) for box in boxes.tolist()
+            not (outline.intersects(box) or any(box.intersects(other) for other in occupied)) for box in boxes.tolist()
         ]
         best = free.index(True) if any(free) else 0
-        taken.append(boxes[best])
-        x, y = places[best].tolist()
+        occupied.append(boxes[best])
+        x, y = positions[best].tolist()
         ax.text(x, y, text, fontsize=_SIZE, ha="center", va="center")
 
 
@@ -459,27 +461,27 @@ def _overview(book: _Book) -> None:
 
 def _proven(book: _Book) -> list[str]:
     content, words = book.content, book.words
-    found = []
+    sentences = []
     if content.fields[1] < 0.0:
-        found.append(words["falls_by_fields"])
+        sentences.append(words["falls_by_fields"])
     elif math.isfinite(content.fields[0]):
         low, high = content.fields
-        found.append(words["by_fields"].format(low=f"{low:.4g}", high=finite(high, lambda x: f"{x:.4g}")))
+        sentences.append(words["by_fields"].format(low=f"{low:.4g}", high=finite(high, lambda x: f"{x:.4g}")))
     elif math.isfinite(content.fields[1]):
-        found.append(words["most_by_fields"].format(high=f"{content.fields[1]:.4g}"))
+        sentences.append(words["most_by_fields"].format(high=f"{content.fields[1]:.4g}"))
     if math.isfinite(content.faces[0]) and content.status != "locked":
         least, most = (finite(face, lambda x: f"{x:.4g}") for face in content.faces)
-        found.append(words["by_faces" if least != most else "at_faces"].format(low=least, high=most))
+        sentences.append(words["by_faces" if least != most else "at_faces"].format(low=least, high=most))
     elif content.status == "locked":
-        found.append(words["locked"])
-    elif not found:
-        found.append(words["nothing"].format(status=content.status))
-    found.append(words["strongest"] if content.strongest else words["not_strongest"])
+        sentences.append(words["locked"])
+    elif not sentences:
+        sentences.append(words["nothing"].format(status=content.status))
+    sentences.append(words["strongest"] if content.strongest else words["not_strongest"])
     if content.uncut is not None:
-        found.append(words["stronger_cut"].format(high=f"{content.uncut:.4g}"))
+        sentences.append(words["stronger_cut"].format(high=f"{content.uncut:.4g}"))
     if content.uncut_by_fields is not None and content.uncut_by_fields > content.fields[1]:
-        found.append(words["weaker_cut"].format(low=f"{content.uncut_by_fields:.4g}"))
-    return found
+        sentences.append(words["weaker_cut"].format(low=f"{content.uncut_by_fields:.4g}"))
+    return sentences
 
 
 def _stones(book: _Book) -> None:
@@ -509,7 +511,7 @@ def _making_words(book: _Book) -> str:
     """Return the paragraph on numbers, cuts, masses, stock and waste of all stones."""
     sums, words = book.making, book.words
     metres = factor_to("m", book.scene.units.length)
-    said = words["making_words"].format(
+    sentence = words["making_words"].format(
         stones=sums.stones,
         moulds=sums.moulds,
         cuts=sums.cuts,
@@ -520,7 +522,7 @@ def _making_words(book: _Book) -> str:
         stock=f"{languages.digits(metres**3 * sums.stock)} m³",
         waste=f"{100.0 * max(0.0, sums.waste):.0f} %",
     )
-    return f"{said} {words['least' if book.content.layout.assembly.dimension == 2 else 'axes']}"
+    return f"{sentence} {words['least' if book.content.layout.assembly.dimension == 2 else 'axes']}"
 
 
 def _moulds(book: _Book) -> None:
@@ -530,12 +532,12 @@ def _moulds(book: _Book) -> None:
     across = 4
     down = math.ceil(min(len(shapes), _MOULDS) / across)
     height = min(0.15, 0.84 / max(down, 1))
-    for place, shape in enumerate(shapes[:_MOULDS]):
+    for index, shape in enumerate(shapes[:_MOULDS]):
         alike = [stone for stone in book.stones if stone.shape == shape]
-        x = _MARGIN + (place % across) * (1.0 - 2.0 * _MARGIN) / across
-        y = 0.9 - (place // across + 1) * height
+        x = _MARGIN + (index % across) * (1.0 - 2.0 * _MARGIN) / across
+        y = 0.9 - (index // across + 1) * height
         ax = figure.add_axes((x, y + 0.1 * height, 0.9 * (1.0 - 2.0 * _MARGIN) / across, 0.72 * height))
-        draw_mould(ax, alike[0], book.length, look.TINTS[place % len(look.TINTS)])
+        draw_mould(ax, alike[0], book.length, look.TINTS[index % len(look.TINTS)])
         numbers = ", ".join(str(stone.number) for stone in alike)
         count = book.words["pieces"].format(count=len(alike))
         title = f"{book.words['mould']} {shape}: {count} ({textwrap.shorten(numbers, 12, placeholder='…')})"
@@ -569,33 +571,35 @@ def _laying_table(book: _Book, figure: Figure, top: float) -> float:
     rows = []
     for number, step in enumerate(laying.steps, 1):
         stones = " + ".join(_numbers(book, laying, step.blocks))
-        way = _way(book, 0.0 - np.asarray(step.direction))
+        direction = _way(book, 0.0 - np.asarray(step.direction))
         props = float(step.stage.props.sum())
-        held = words["stands"] if step.stage.stands else words["undecided"] if step.stage.stands is None else ""
-        rows.append([str(number), stones, way, held or f"{words['prop']} {force_words(book.content.layout, props)}"])
-    shown = rows[: 2 * (_ROWS - 12)]
-    half = math.ceil(len(shown) / 2)
+        stage_text = words["stands"] if step.stage.stands else words["undecided"] if step.stage.stands is None else ""
+        rows.append(
+            [str(number), stones, direction, stage_text or f"{words['prop']} {force_words(book.content.layout, props)}"]
+        )
+    listed = rows[: 2 * (_ROWS - 12)]
+    half = math.ceil(len(listed) / 2)
     head = [words[key] for key in ("step", "stone", "way", "stands")]
-    both = [[*left, *right] for left, right in zip(shown[:half], [*shown[half:], *[[""] * 4] * half], strict=False)]
+    both = [[*left, *right] for left, right in zip(listed[:half], [*listed[half:], *[[""] * 4] * half], strict=False)]
     top = book.table(figure, top, [*head, *head], both, [0.07, 0.09, 0.17, 0.17] * 2)
-    if len(rows) > len(shown):
-        top = book.text(figure, top, [words["more"].format(count=len(rows) - len(shown))])
+    if len(rows) > len(listed):
+        top = book.text(figure, top, [words["more"].format(count=len(rows) - len(listed))])
     return top
 
 
 def _way(book: _Book, motion: Floats) -> str:
     """Say from where a stone comes, or along which vector; motion: (d,) of its movement."""
     words, axes = book.words, np.eye(len(motion))
-    ways = [(words["from_above"], -axes[-1]), (words["from_below"], axes[-1])]
+    named_directions = [(words["from_above"], -axes[-1]), (words["from_below"], axes[-1])]
     if len(motion) == 2:
-        ways += [(words["from_left"], axes[0]), (words["from_right"], -axes[0])]
+        named_directions += [(words["from_left"], axes[0]), (words["from_right"], -axes[0])]
     else:
         signed = [(sign, k) for k in (0, 1) for sign in (1.0, -1.0)]
-        ways += [
+        named_directions += [
             (words["along"].format(axis=f"{'+' if sign > 0.0 else '−'}{'xy'[k]}"), sign * axes[k]) for sign, k in signed
         ]
     vector = "(" + ", ".join(f"{x:.2f}" for x in motion) + ")"
-    return next((name for name, axis in ways if float(motion @ axis) > _STRAIGHT), vector)
+    return next((name for name, axis in named_directions if float(motion @ axis) > _STRAIGHT), vector)
 
 
 def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
@@ -610,28 +614,28 @@ def _assumptions(book: _Book) -> list[str]:
     words, scene = book.words, book.scene
     materials = uncertain.with_means(scene.model_dump(mode="json", exclude_defaults=True)["materials"])
     dry, inner = materials.get("dry") or {}, materials.get("inner") or {}
-    own, found = scene.units, []
+    own, lines = scene.units, []
     force, metre = units.NEWTONS.get(own.force, 0.0), units.METRES.get(own.length, 1.0)
     if dry:
         angle = dry.get("friction_angle")
         value = f"{_plain(angle, words)}°" if angle is not None else _plain(dry.get("friction_coefficient"), words)
-        found.append(words["friction"].format(value=value))
+        lines.append(words["friction"].format(value=value))
     if inner:
         factor, unit = (force / metre**2 / 1e6, "N/mm²") if force else (1.0, f"{own.force}/{own.length}²")
         tension, shear = (
             f"{_plain(inner.get(key), words, factor)} {unit}" for key in ("tensile_strength", "shear_strength")
         )
-        found.append(words["strength"].format(tension=tension, shear=shear))
+        lines.append(words["strength"].format(tension=tension, shear=shear))
     if materials.get("density") is not None:
         # a scene may have any units of mass: its gravity makes a weight of it
         gravity = book.content.layout.assembly.elements.gravity
         factor, unit = (gravity / units.GRAVITY * force / metre**3, " kg/m³") if force else (1.0, "")
-        found.append(words["density"].format(value=_plain(materials["density"], words, factor) + unit))
+        lines.append(words["density"].format(value=_plain(materials["density"], words, factor) + unit))
     facts = weight_facts(scene, book.content.layout.assembly)
-    found += [words[f"whole_{name}"].format(value=facts[name]) for name in ("thickness", "weight") if name in facts]
+    lines += [words[f"whole_{name}"].format(value=facts[name]) for name in ("thickness", "weight") if name in facts]
     # what the file of materials says already stands above
-    others = [one for one in book.content.assumed if not one.startswith(_MATERIALS)]
-    return [*found, words["rigid"], *(languages.phrase_in(book.language, other) for other in others)]
+    others = [assumption for assumption in book.content.assumed if not assumption.startswith(_MATERIALS)]
+    return [*lines, words["rigid"], *(languages.phrase_in(book.language, other) for other in others)]
 
 
 def _plain(value: Any, words: dict[str, str], factor: float = 1.0) -> str:

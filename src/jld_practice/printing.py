@@ -89,24 +89,26 @@ def stock_of(
             "kerf", "it is no width of a cut in this stock", "a width from 0 to below the sides of the stock"
         )
     free: list[tuple[int, tuple[float, ...], tuple[float, ...]]] = []
-    placed, count = [], 0
+    placements, count = [], 0
     for stone in sorted(stones, key=lambda stone: (-stone.stock, stone.number)):
-        place = _best(stone, free)
-        if place is None:
+        fit = _best(stone, free)
+        if fit is None:
             count += 1
             free.append((count, (0.0, 0.0, 0.0), tuple(size)))
-            place = _best(stone, free)
-        if place is None:
+            fit = _best(stone, free)
+        if fit is None:
             factor, unit = said
-            own, stated = (" × ".join(f"{factor * side:.4g}" for side in one) + unit for one in (stone.size, size))
-            problem = f"stone {stone.number} of {own} does not fit into {stated}"
+            both = (stone.size, size)
+            stone_size, stock_size = (" × ".join(f"{factor * side:.4g}" for side in sides) + unit for sides in both)
+            problem = f"stone {stone.number} of {stone_size} does not fit into {stock_size}"
             raise ParameterError("stock", problem, "larger cuboids, or a search with smaller blocks")
-        index, sides3 = place
+        index, sides3 = fit
         cuboid, corner, room = free.pop(index)
-        placed.append(Placed(stone.number, cuboid, _three(corner), _three(sides3)))
-        free += [(cuboid, *rest) for rest in _rest(corner, room, sides3, kerf)]
+        placements.append(Placed(stone.number, cuboid, _three(corner), _three(sides3)))
+        free += [(cuboid, *free_box) for free_box in _rest(corner, room, sides3, kerf)]
     volume = sum(stone.volume for stone in stones)
-    return Stock(size, tuple(placed), count, least_number([one.volume for one in stones], math.prod(size)), volume)
+    least = least_number([stone.volume for stone in stones], math.prod(size))
+    return Stock(size, tuple(placements), count, least, volume)
 
 
 def least_number(volumes: list[float], stock: float) -> int:
@@ -114,14 +116,14 @@ def least_number(volumes: list[float], stock: float) -> int:
     # Bound L2 of Martello and Toth (1990, Discrete Applied Mathematics 28, 59-70): for each k, stones above stock − k
     # need a cuboid each, and none above half fits beside another.
     sizes = np.sort(np.array(volumes) / stock)[::-1] if volumes else np.zeros(0)
-    found = math.ceil(float(sizes.sum()) - _FITS)
-    for k in (0.0, *(float(one) for one in np.unique(sizes[sizes <= 0.5]))):
+    bound = math.ceil(float(sizes.sum()) - _FITS)
+    for k in (0.0, *(float(size) for size in np.unique(sizes[sizes <= 0.5]))):
         alone = sizes > 1.0 - k + _FITS
         large = (sizes > 0.5 + _FITS) & ~alone
         small = (sizes >= k) & (sizes <= 0.5 + _FITS)
-        left = float(sizes[small].sum()) - (float(large.sum()) - float(sizes[large].sum()))
-        found = max(found, int(alone.sum()) + int(large.sum()) + max(0, math.ceil(left - _FITS)))
-    return found
+        room = float(sizes[small].sum()) - (float(large.sum()) - float(sizes[large].sum()))
+        bound = max(bound, int(alone.sum()) + int(large.sum()) + max(0, math.ceil(room - _FITS)))
+    return bound
 
 
 def _three(values: tuple[float, ...]) -> tuple[float, float, float]:
@@ -148,17 +150,17 @@ def _rest(
 ) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
     """Return the pieces (corner, sides) that remain beside a stone at a piece's corner."""
     # Cuts pass through the whole piece: the first one where the most is left over.
-    found = []
+    boxes = []
     at, size = list(corner), list(room)
     for axis in sorted(range(3), key=lambda k: -(room[k] - sides[k])):
-        left = size[axis] - sides[axis] - kerf
-        if left > _FITS * room[axis]:
-            start, whole = list(at), list(size)
+        remaining = size[axis] - sides[axis] - kerf
+        if remaining > _FITS * room[axis]:
+            start, sides_left = list(at), list(size)
             start[axis] += sides[axis] + kerf
-            whole[axis] = left
-            found.append((tuple(start), tuple(whole)))
+            sides_left[axis] = remaining
+            boxes.append((tuple(start), tuple(sides_left)))
         size[axis] = sides[axis]
-    return found
+    return boxes
 
 
 def stock_table(stock: Stock, own: str, unit: str) -> pd.DataFrame:
@@ -167,10 +169,10 @@ def stock_table(stock: Stock, own: str, unit: str) -> pd.DataFrame:
 
     factor = factor_to(unit, own)
     rows = [
-        {"cuboid": one.cuboid, "stone": one.stone}
-        | {f"at_{k}_{unit}": factor * value for k, value in enumerate(one.corner, 1)}
-        | {f"side_{k}_{unit}": factor * value for k, value in enumerate(one.sides, 1)}
-        for one in sorted(stock.placed, key=lambda one: (one.cuboid, one.stone))
+        {"cuboid": placement.cuboid, "stone": placement.stone}
+        | {f"at_{k}_{unit}": factor * value for k, value in enumerate(placement.corner, 1)}
+        | {f"side_{k}_{unit}": factor * value for k, value in enumerate(placement.sides, 1)}
+        for placement in sorted(stock.placed, key=lambda placement: (placement.cuboid, placement.stone))
     ]
     return pd.DataFrame(rows).map(lambda x: float(f"{x:.12g}") if isinstance(x, float) else x)
 
@@ -238,9 +240,9 @@ def report(
         core_files.write_text(table, csv_of(stones_table(content.layout, unit)))
         streams.say(f"{table}: the cutting list")
         if placed is not None:
-            place = target.with_suffix(".stock.csv")
-            core_files.write_text(place, csv_of(stock_table(placed, content.layout.scene.units.length, unit)))
-            streams.say(f"{place}: {words_of_stock(placed)}")
+            stock_file = target.with_suffix(".stock.csv")
+            core_files.write_text(stock_file, csv_of(stock_table(placed, content.layout.scene.units.length, unit)))
+            streams.say(f"{stock_file}: {words_of_stock(placed)}")
     if pack:
         archive = target.with_suffix(".zip")
         streams.say(f"{archive}: {_pack(source, archive, target if pdf else None)} files")
@@ -353,8 +355,8 @@ def _by_fields(layout: Layout) -> tuple[float, float]:
     fields_problem.require_planar_fields(layout.assembly)
     required, cases = layout.assembly.required.tolist(), layout.assembly.by_case
     most = _TRIANGLES // len(cases)
-    found = [bounds_by_fields(case, layout.labels, most=most) for case in cases]
-    ends = [(one.lower / asked, one.upper / asked) for one, asked in zip(found, required, strict=True)]
+    bounds = [bounds_by_fields(case, layout.labels, most=most) for case in cases]
+    ends = [(bracket.lower / factor, bracket.upper / factor) for bracket, factor in zip(bounds, required, strict=True)]
     return min(low for low, _ in ends), min(high for _, high in ends)
 
 
@@ -371,15 +373,15 @@ def _pack(source: Path, archive: Path, pdf: Path | None) -> int:
     """Write all files of a project into an archive; return their number."""
     if source.is_dir():
         files = sorted(path for path in source.rglob("*") if path.is_file() and path != archive)
-        named = {path.relative_to(source).as_posix(): path for path in files}
+        by_name = {path.relative_to(source).as_posix(): path for path in files}
     else:
-        named = {source.name: source}
+        by_name = {source.name: source}
     if pdf is not None:
         written = (pdf, pdf.with_suffix(".stones.csv"), pdf.with_suffix(".stock.csv"))
-        named |= {path.name: path for path in written if path.exists()}
+        by_name |= {path.name: path for path in written if path.exists()}
     with core_files.whole_file(archive) as fresh, zipfile.ZipFile(fresh, "w", zipfile.ZIP_DEFLATED) as packed:
-        for name, path in named.items():
+        for name, path in by_name.items():
             if path == fresh:
                 continue
             packed.writestr(zipfile.ZipInfo(name, _DATE), path.read_bytes(), zipfile.ZIP_DEFLATED)
-    return len(named)
+    return len(by_name)

@@ -43,14 +43,14 @@ def reliability(
         layout.require_whole_faces(model, "reliability")
         structure = structure_of(scene, assembly, labels)
         other = None if against is None else layout.layout_of(source, against, uncertain=True).labels
-        found = analyse(structure, labels, options)
+        result = analyse(structure, labels, options)
         compared = None
         if other is not None:
             pair = SampleBounds(structure, labels), SampleBounds(structure, other)
             compared = compare(*pair, options.samples, options.seed, options.jobs)
-    told: dict[str, Any] = {"name": scene.name, **found.to_json()}
+    facts: dict[str, Any] = {"name": scene.name, **result.to_json()}
     if compared is not None:
-        told["against"] = {
+        facts["against"] = {
             "rank": against,
             "probability": compared.probability,
             "probability_interval": list(compared.interval),
@@ -58,8 +58,8 @@ def reliability(
             "weaker": compared.weaker,
             "undecided": compared.undecided,
         }
-    streams.say(json.dumps(told, indent=1) if as_json else "\n".join(_lines(scene.name, found, compared, against)))
-    if found.simulation.undecided:
+    streams.say(json.dumps(facts, indent=1) if as_json else "\n".join(_lines(scene.name, result, compared, against)))
+    if result.simulation.undecided:
         raise typer.Exit(ending.UNCERTIFIED)
 
 
@@ -91,19 +91,19 @@ def _lines(name: str, found: Reliability, compared: Comparison | None, against: 
     return lines + _table(found)
 
 
-def _table(found: Reliability) -> list[str]:
+def _table(result: Reliability) -> list[str]:
     """Return the design point as lines of a table, largest importance first."""
-    values = found.design_values
+    values = result.design_values
     if values is None:
         return []
-    alpha = found.form.direction
+    alpha = result.form.direction
     order = sorted(range(len(alpha)), key=lambda k: (-abs(alpha[k]), k))
-    width = max(len(found.variables.names[k]) for k in order[:_SHOWN])
+    width = max(len(result.variables.names[k]) for k in order[:_SHOWN])
     lines = [f"  {'value':<{width}}  {'mean':>12}  {'design point':>12}  {'α':>7}  {'α²':>6}"]
     for k in order[:_SHOWN]:
-        name, mean = found.variables.names[k], found.variables.mean[k]
+        name, mean = result.variables.names[k], result.variables.mean[k]
         lines.append(f"  {name:<{width}}  {mean:>12.6g}  {values[k]:>12.6g}  {alpha[k]:>7.3f}  {alpha[k] ** 2:>6.1%}")
     if len(order) > _SHOWN:
-        rest = float((alpha[order[_SHOWN:]] ** 2).sum())
-        lines.append(f"  {len(order) - _SHOWN} more, together α² = {rest:.1%}")
+        remainder = float((alpha[order[_SHOWN:]] ** 2).sum())
+        lines.append(f"  {len(order) - _SHOWN} more, together α² = {remainder:.1%}")
     return lines

@@ -31,7 +31,7 @@ class ReliabilityStep(Step):
         return settings.reliability is not None
 
     def refuse(self, scene: Scene, assembly: Assembly, settings: ExploreSettings) -> None:
-        for name, asked in (
+        for name, is_set in (
             ("objective", settings.model.friction != "associative" or settings.own_objective is not None),
             ("robust", settings.robust),
             ("contact", settings.model.contact != "convex"),
@@ -40,7 +40,7 @@ class ReliabilityStep(Step):
             ("cracks", scene.cracks != "faces"),
             ("search.void", scene.search.void is not None),
         ):
-            if asked:
+            if is_set:
                 problem = "reliability supports rigid faces and associative friction only"
                 raise ParameterError(name, problem, "its default")
         from jld_practice.reliability import random_structure
@@ -51,10 +51,10 @@ class ReliabilityStep(Step):
         return _SHARE * (settings.seconds or 0.0)
 
     def entries(self, done: Exploration, context: StepContext) -> Mapping[str, Any]:
-        rows, asked = _ranked(done, context.settings, context.deadline)
+        rows, count = _ranked(done, context.settings, context.deadline)
         return {
             "layouts": rows,
-            "left_out": asked - len(rows),
+            "left_out": count - len(rows),
             "best_labelling": rows[0]["labelling"] if rows else None,
         }
 
@@ -82,8 +82,8 @@ def _ranked(done: Exploration, settings: ExploreSettings, deadline: Deadline) ->
     for number, (labelling, load) in enumerate(zip(ranked["labelling"], ranked["load_factor"], strict=True), 1):
         if rows and deadline.passed():
             break
-        told = analyse(structure, from_string(str(labelling)), options).to_json()
-        own = (number, str(labelling), float(load), *(told[key] for key in _KEPT))
+        facts = analyse(structure, from_string(str(labelling)), options).to_json()
+        own = (number, str(labelling), float(load), *(facts[key] for key in _KEPT))
         rows.append(dict(zip(COLUMNS, own, strict=True)))
     rows.sort(key=lambda row: (-_index(row), row["row"]))
     return rows, len(ranked)

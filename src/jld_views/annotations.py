@@ -156,8 +156,10 @@ def legend(ax: Axes, handles: list[Artist]) -> None:
     shift = ScaledTranslation(0.0, -_below(ax) / 72.0, figure.dpi_scale_trans)
     columns = int(np.clip(ax.bbox.width / figure.dpi / 2.0, 2, 5))
     size: dict[str, Any] = {"fontsize": FONT, "handlelength": 2.2, "columnspacing": 1.2, "labelspacing": 0.5}
-    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 0.0}
-    box = ax.legend(handles=handles, bbox_transform=ax.transAxes + shift, ncols=columns, frameon=False, **place, **size)
+    position: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 0.0}
+    box = ax.legend(
+        handles=handles, bbox_transform=ax.transAxes + shift, ncols=columns, frameon=False, **position, **size
+    )
     for text in box.get_texts():
         text.set_parse_math(False)
 
@@ -169,12 +171,12 @@ def _below(ax: Axes) -> float:
 
 def legend_inches(ax: Axes) -> float:
     """Return an estimate of the height of ticks and legend below the axes, inches; 0.6 without a legend."""
-    found = ax.get_legend()
+    legend = ax.get_legend()
     figure = ax.get_figure(root=True)
-    if found is None or figure is None:
+    if legend is None or figure is None:
         return 0.6
     columns = int(np.clip(ax.bbox.width / figure.dpi / 2.0, 2, 5))
-    rows = math.ceil(len(found.get_texts()) / columns)
+    rows = math.ceil(len(legend.get_texts()) / columns)
     return (_below(ax) + rows * 1.62 * FONT + 10.0) / 72.0
 
 
@@ -207,12 +209,12 @@ def block_handle(assembly: Assembly, labels: Bits) -> Artist:
 
 def load_handles(drawn: Drawn) -> list[Artist]:
     """Return legend handles of the live loads that `draw_loads` has added to `drawn`."""
-    known = {
+    styles = {
         "live": _mark("live load, × λ", r"$\longrightarrow$", 15.0, color=LOAD, markeredgewidth=0.3),
         "body": _mark("live load on all bodies, × λ", r"$\Rightarrow$", 13.0, color=LOAD),
         "couples": _line("live couple, × λ", **TURN, markersize=10.0, color=LOAD),
     }
-    return [handle for name, handle in known.items() if name in drawn]
+    return [handle for name, handle in styles.items() if name in drawn]
 
 
 def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thick: float) -> list[Artist]:
@@ -223,7 +225,7 @@ def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thi
     for used in (0.0, 0.5, 1.0):
         width = max(thick, 1.0) * (0.45 + 1.15 * used)
         handles.append(_line(f"utilisation {used:g}", color=USED(used), linewidth=width))
-    known = {
+    styles = {
         "press": _mark(f"pressing, {largest}", r"$\longrightarrow$", 15.0, color=PRESS, markeredgewidth=0.3),
         "tension": _mark("pulling (hollow)", r"$\Rightarrow$", 13.0, color=PRESS, markeredgewidth=0.3),
         "couples on faces": _line("bending without thrust on face", **TURN, markersize=8.0, color=PRESS),
@@ -231,7 +233,7 @@ def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thi
         "yield dry": _line(YIELDS["dry"].meaning, linestyle="none", markersize=6.0, **YIELD["yield dry"]),
         "yield inner": _line(YIELDS["inner"].meaning, linestyle="none", markersize=6.0, **YIELD["yield inner"]),
     }
-    handles += [handle for name, handle in known.items() if name in drawn]
+    handles += [handle for name, handle in styles.items() if name in drawn]
     return handles + load_handles(drawn)
 
 

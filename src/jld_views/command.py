@@ -144,12 +144,12 @@ def _by_fields(done: Exploration, ranks: list[int]) -> Figure:
     """Draw stresses and cracks of layouts side by side, each under its governing load case."""
     from jld_views.field_figures import figure_of_field_layouts
 
-    found = [done.field_result(rank) for rank in ranks]
+    results = [done.field_result(rank) for rank in ranks]
     titles = [
-        f"{_named(done, rank)}: λ in [{one.decided.low:.4g}, {one.decided.high:.4g}]"
-        for rank, one in zip(ranks, found, strict=True)
+        f"{_named(done, rank)}: λ in [{result.decided.low:.4g}, {result.decided.high:.4g}]"
+        for rank, result in zip(ranks, results, strict=True)
     ]
-    return figure_of_field_layouts([one.governing_case for one in found], titles)
+    return figure_of_field_layouts([result.governing_case for result in results], titles)
 
 
 def _named(done: Exploration, number: int) -> str:

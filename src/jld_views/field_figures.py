@@ -46,18 +46,18 @@ class AveragedStresses:
 
     def at(self, points: Floats) -> Floats:
         """Return the stresses (k, 3) at points (k, 2), interpolated linearly between grid points."""
-        place = ((points - self.origin) / self.spacing)[:, ::-1].T
-        parts = [map_coordinates(self.stress[..., c], place, order=1, mode="nearest") for c in range(3)]
+        grid_points = ((points - self.origin) / self.spacing)[:, ::-1].T
+        parts = [map_coordinates(self.stress[..., c], grid_points, order=1, mode="nearest") for c in range(3)]
         return np.stack(parts, axis=1)
 
     def holds(self, points: Floats) -> Bools:
         """Return a mask (k,) of points (k, 2) whose nearest grid point is inside free elements."""
         column, row = np.round((points - self.origin) / self.spacing).astype(np.int64).T
         rows, columns = self.inside.shape
-        known = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        found = np.zeros(len(points), dtype=bool)
-        found[known] = self.inside[row[known], column[known]]
-        return found
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        held = np.zeros(len(points), dtype=bool)
+        held[inside] = self.inside[row[inside], column[inside]]
+        return held
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,8 @@ def averaged(assembly: Assembly, stresses: core_bounds.Stresses) -> AveragedStre
     flat = total.reshape(-1, 4)
     for one, two in upright + turned:
         weights = np.array([_PIECES - one - two, one, two]) / _PIECES
-        place = np.round((np.einsum("k,tkd->td", weights, corners) - lower) / spacing).astype(np.int64)
-        number = np.clip(place[:, 1], 0, count[1] - 1) * count[0] + np.clip(place[:, 0], 0, count[0] - 1)
+        cell = np.round((np.einsum("k,tkd->td", weights, corners) - lower) / spacing).astype(np.int64)
+        number = np.clip(cell[:, 1], 0, count[1] - 1) * count[0] + np.clip(cell[:, 0], 0, count[0] - 1)
         stress = np.einsum("k,tkc->tc", weights, values)
         np.add.at(flat, number, np.column_stack([stress, np.ones(len(stress))]) * stresses.mesh.volume[:, None])
     smooth = np.stack([gaussian_filter(total[..., c], 1.0, mode="constant") for c in range(4)], axis=-1)
@@ -91,9 +91,9 @@ def averaged(assembly: Assembly, stresses: core_bounds.Stresses) -> AveragedStre
     shapes = shapely.union_all([shapely.Polygon(elements.shape[k]) for k in elements.free])
     inside = shapely.contains_xy(shapely.buffer(shapes, 0.3 * spacing), *np.meshgrid(x, y))
     weight = smooth[..., 3]
-    known = weight > 1e-6 * float(weight.max())
-    stress = np.where(known[..., None], smooth[..., :3] / np.where(known, weight, 1.0)[..., None], 0.0)
-    return AveragedStresses(lower, spacing, stress, np.asarray(inside & known))
+    covered = weight > 1e-6 * float(weight.max())
+    stress = np.where(covered[..., None], smooth[..., :3] / np.where(covered, weight, 1.0)[..., None], 0.0)
+    return AveragedStresses(lower, spacing, stress, np.asarray(inside & covered))
 
 
 def principal(stress: Floats, kind: Sign) -> tuple[Floats, Floats]:
@@ -117,16 +117,16 @@ def trajectories(grid: AveragedStresses, kind: Sign, apart: float) -> list[Traje
     if not least > 0.0:
         return []
     taken = _Taken(grid, apart)
-    found = []
+    lines = []
     for seed in seeds[np.argsort(-size, kind="stable")][: int((size > least).sum())]:
         if taken.near(seed, 1.0):
             continue
-        ways = [_trace(grid, kind, seed, sign, least, taken) for sign in (-1.0, 1.0)]
-        points = np.concatenate([ways[0][:0:-1], ways[1]])
+        halves = [_trace(grid, kind, seed, sign, least, taken) for sign in (-1.0, 1.0)]
+        points = np.concatenate([halves[0][:0:-1], halves[1]])
         taken.add(points)
         if len(points) > 3:
-            found.append(Trajectory(points, principal(grid.at(points), kind)[0]))
-    return found
+            lines.append(Trajectory(points, principal(grid.at(points), kind)[0]))
+    return lines
 
 
 class _Taken:
@@ -170,8 +170,8 @@ def _trace(
     ahead = sign * principal(grid.at(seed[None]), kind)[1][0]
     for _ in range(_STEPS):
         middle = point + 0.5 * step * ahead
-        size, way = principal(grid.at(middle[None]), kind)
-        along = way[0] if float(way[0] @ ahead) >= 0.0 else -way[0]
+        size, direction = principal(grid.at(middle[None]), kind)
+        along = direction[0] if float(direction[0] @ ahead) >= 0.0 else -direction[0]
         after = point + step * along
         closed = len(points) > 8 and float(np.hypot(*(after - seed))) < step
         if size[0] < least or not grid.holds(after[None])[0] or taken.near(after, 0.5) or closed:
@@ -206,11 +206,11 @@ def draw_stresses(ax: Axes, assembly: Assembly, labels: Bits, stresses: core_bou
     unit = f"{assembly.units[1]}/{assembly.units[0]}²"
     styles: tuple[tuple[Sign, str, Any], ...] = (("compression", PRESS, "solid"), ("tension", LOAD, (0, (3.0, 1.6))))
     for kind, colour, dash in styles:
-        found = trajectories(grid, kind, APART * quantities.typical(assembly))
-        if not found:
+        lines = trajectories(grid, kind, APART * quantities.typical(assembly))
+        if not lines:
             continue
-        largest = max(float(one.stress.max()) for one in found)
-        drawn[kind] = [ax.add_collection(_lines(found, largest, colour, kind), autolim=False)]
+        largest = max(float(line.stress.max()) for line in lines)
+        drawn[kind] = [ax.add_collection(_lines(lines, largest, colour, kind), autolim=False)]
         text = f"{kind} ({'solid' if kind == 'compression' else 'dashed'}), up to {largest:.3g} {unit}"
         handles.append(Line2D([], [], color=colour, linewidth=1.6, linestyle=dash, label=text))
     notes.legend(ax, handles)
@@ -218,14 +218,14 @@ def draw_stresses(ax: Axes, assembly: Assembly, labels: Bits, stresses: core_bou
     return drawn
 
 
-def _lines(found: list[Trajectory], largest: float, colour: str, kind: str) -> LineCollection:
+def _lines(lines: list[Trajectory], largest: float, colour: str, kind: str) -> LineCollection:
     """Build a line collection of trajectories whose line width grows with the stress."""
     pieces, widths = [], []
-    for one in found:
-        share = np.sqrt(one.stress / largest)
-        for start in range(0, len(one.points) - 1, 1 if kind == "compression" else sum(_DASH)):
+    for line in lines:
+        share = np.sqrt(line.stress / largest)
+        for start in range(0, len(line.points) - 1, 1 if kind == "compression" else sum(_DASH)):
             end = start + (1 if kind == "compression" else _DASH[0])
-            piece = one.points[start : end + 1]
+            piece = line.points[start : end + 1]
             if len(piece) > 1:
                 pieces.append(piece)
                 widths.append(_WIDEST * max(0.2, float(share[start : end + 1].mean())))
@@ -306,14 +306,14 @@ def _jumps(
     face = np.where(e.tag < faces, e.tag, -1)
     rows = np.flatnonzero((e.b >= 0) | (face >= 0))
     both = e.b[rows] >= 0
-    own = e.a[rows][:, None], e.corner_a[rows]
+    of_side = e.a[rows][:, None], e.corner_a[rows]
     other = np.where(both, e.b[rows], e.a[rows])[:, None], np.where(both[:, None], e.corner_b[rows], e.corner_a[rows])
-    jump = np.where(both[:, None, None], velocities.velocity[other], 0.0) - velocities.velocity[own]
+    jump = np.where(both[:, None, None], velocities.velocity[other], 0.0) - velocities.velocity[of_side]
     size = np.hypot(jump[..., 0], jump[..., 1]).max(axis=1)
-    there = np.where(both[:, None, None], moved[other], mesh.corners[own])
+    there = np.where(both[:, None, None], moved[other], mesh.corners[of_side])
     joint = (face[rows] >= 0) & labels[np.maximum(face[rows], 0)]
     chosen = joint | (size > JUMP * top)
-    sides = np.stack([moved[own], there], axis=1)[chosen]
+    sides = np.stack([moved[of_side], there], axis=1)[chosen]
     return sides, np.asarray(joint[chosen]), size[chosen]
 
 

@@ -132,7 +132,7 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     # Arrows are centred at centres of pressure and point along the load path; hollow arrows are tension (N < 0). A
     # turning arrow at the centroid marks a face without a centre of pressure on it. Forces below 1 % of the largest are
     # left out. Without forces the title says so.
-    whole, result = result, mechanism.result_of_faces(result)
+    with_members, result = result, mechanism.result_of_faces(result)
     assembly, labels = result.assembly, result.labels
     base = default_ink(ax, assembly, labels)
     fills = [PLAIN] * len(assembly.elements)
@@ -153,7 +153,7 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     covered += _draw_face_forces(ax, result, forces, drawn)
     _draw_thrust(ax, result, forces, drawn)
     _draw_yielding(ax, result, forces, used, drawn)
-    draw_members(ax, whole.assembly, drawn, whole.forces)
+    draw_members(ax, with_members.assembly, drawn, with_members.forces)
     notes.frame(ax, assembly, covered)
     words = f"member with its tension, of a pin its shear [{assembly.units[1]}]"
     notes.legend(ax, [*notes.force_handles(result, forces, drawn, thick), *member_handles(drawn, words)])
@@ -168,15 +168,15 @@ def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, forces: Floats, dra
     vectors = quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces))
     size = np.linalg.norm(vectors, axis=1)
     largest = float(size.max(initial=0.0))
-    shown = size > quantities.SMALL * largest
-    if not shown.any():
+    visible = size > quantities.SMALL * largest
+    if not visible.any():
         return []
     # cap the length of few large forces, so that ordinary ones remain visible
-    longest = float(np.clip(0.35 * largest / np.median(size[shown]), 0.85, 2.0)) * quantities.typical(assembly)
+    longest = float(np.clip(0.35 * largest / np.median(size[visible]), 0.85, 2.0)) * quantities.typical(assembly)
     shaft = float(np.clip(0.045 * element_points(ax, assembly), 0.3, 1.3))
     at, on_face = quantities.pressure_points(assembly, forces)
     feet, arrows = projection(at), projection(vectors) * longest / largest
-    for name, mask in (("press", shown & (forces[:, 0] >= 0.0)), ("tension", shown & (forces[:, 0] < 0.0))):
+    for name, mask in (("press", visible & (forces[:, 0] >= 0.0)), ("tension", visible & (forces[:, 0] < 0.0))):
         if mask.any():
             hollow = name == "tension"
             colour = PRESS
@@ -207,12 +207,12 @@ def _draw_yielding(ax: Axes, result: LimitAnalysisResult, forces: Floats, used: 
     size = float(np.clip(0.11 * element_points(ax, result.assembly), 2.0, 5.5))
     at = quantities.pressure_points(result.assembly, forces)[0]
     side = np.where(np.einsum("ij,ij->i", at - faces.origin, faces.e1) > 0.0, -0.3, 0.3)
-    places = projection_of(result.assembly)(faces.origin + (side * faces.l1)[:, None] * faces.e1)
+    points = projection_of(result.assembly)(faces.origin + (side * faces.l1)[:, None] * faces.e1)
     for name, mask in (("yield dry", labels), ("yield inner", ~labels)):
         chosen = mask & (used >= quantities.YIELDING)
         if chosen.any():
             look = {**notes.YIELD[name], "markersize": size, "linestyle": "none", "zorder": 4.5}
-            drawn[name] = [*ax.plot(*places[chosen].T, label=name, **look)]
+            drawn[name] = [*ax.plot(*points[chosen].T, label=name, **look)]
 
 
 def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) -> Drawn:
@@ -243,7 +243,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
     kinds, places = quantities.movements(result)
     size = float(np.clip(0.13 * element_points(ax, assembly), 2.0, 6.0))
     for kind, style in notes.MOVES.items():
-        chosen = [k for k, what in enumerate(kinds) if what is kind]
+        chosen = [k for k, title in enumerate(kinds) if title is kind]
         if chosen:
             faces = assembly.interfaces
             sides = [[move(int(side[k]), places[[k]])[0] for k in chosen] for side in (faces.a, faces.b)]
@@ -251,8 +251,8 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
             drawn[str(kind)] = [*ax.plot(*projection(np.mean(sides, axis=0)).T, label=str(kind), zorder=4.0, **look)]
     notes.frame(ax, assembly, [*extent(assembly, projection), *extent(assembly, projection, fully)])
     notes.legend(ax, [*notes.mechanism_handles(assembly, labels, ink, drawn), *member_handles(drawn)])
-    what = "Falls whatever the live load: the motion that proves it" if falls else "Mechanism for live power 1"
-    ax.set_title(what if falls else f"{what}, drawn × {scale:.3g}", fontsize=10)
+    title = "Falls whatever the live load: the motion that proves it" if falls else "Mechanism for live power 1"
+    ax.set_title(title if falls else f"{title}, drawn × {scale:.3g}", fontsize=10)
     return drawn
 
 
@@ -406,11 +406,11 @@ def png_of(figure: Figure) -> bytes:
     """
     from PIL import Image  # comes with matplotlib; slow to import
 
-    small = io.BytesIO()
+    reduced = io.BytesIO()
     for dots in _DOTS:
-        whole, small = io.BytesIO(), io.BytesIO()
-        figure.savefig(whole, format="png", dpi=dots)
-        Image.open(whole).convert("RGB").quantize(_COLOURS).save(small, format="png", optimize=True)
-        if small.tell() <= _PNG:
+        picture, reduced = io.BytesIO(), io.BytesIO()
+        figure.savefig(picture, format="png", dpi=dots)
+        Image.open(picture).convert("RGB").quantize(_COLOURS).save(reduced, format="png", optimize=True)
+        if reduced.tell() <= _PNG:
             break
-    return small.getvalue()
+    return reduced.getvalue()

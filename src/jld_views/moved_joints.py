@@ -25,13 +25,13 @@ def draw_vertex_vectors(ax: Axes, assembly: Assembly, places: Floats, vectors: F
     """Draw vectors (v, d) at vertices (v, d) as arrows on axes, without those below 1 % of the longest, or NaN."""
     sizes = np.linalg.norm(np.nan_to_num(vectors), axis=1)
     largest = float(sizes.max(initial=0.0))
-    shown = sizes > SMALL * largest
-    if not shown.any():
+    visible = sizes > SMALL * largest
+    if not visible.any():
         return
     projection = projection_of(assembly)
     scale = 1.0 if true else _LONGEST * typical(assembly) / largest
-    arrows = projection(np.nan_to_num(vectors)[shown]) * scale
-    notes.arrows(ax, projection(places[shown]), arrows, "vertices", PRESS, "tip" if true else "tail", 1.2)
+    arrows = projection(np.nan_to_num(vectors)[visible]) * scale
+    notes.arrows(ax, projection(places[visible]), arrows, "vertices", PRESS, "tip" if true else "tail", 1.2)
 
 
 def figure_of_move(
@@ -67,8 +67,8 @@ def figure_of_move(
     """
     figure, axes = figure_for(before, 2)
     pairs = ((before, labels if first is None else first), (after, labels))
-    for ax, (assembly, own), title in zip(axes, pairs, titles, strict=True):
-        draw_assembly(ax, assembly, own)
+    for ax, (assembly, labels_of_pair), title in zip(axes, pairs, titles, strict=True):
+        draw_assembly(ax, assembly, labels_of_pair)
         ax.set_title(title, fontsize=10)
     draw_vertex_vectors(axes[1], after, places, moved, true=True)
     finish(figure, axes, textwrap.shorten(before.name, 60, placeholder=" …"))
@@ -121,22 +121,22 @@ def draw_path(ax: Axes, values: list[PathValue], length: str, *, distance: str =
     names = list(dict.fromkeys(value.vehicle for value in values))
     colours = (PRESS, FRONT, SOFT, *TINTS)
     for k, name in enumerate(names):
-        own = [value for value in values if value.vehicle == name]
-        x, y = [one.distance for one in own], [one.middle for one in own]
+        of_vehicle = [value for value in values if value.vehicle == name]
+        x, y = [required.distance for required in of_vehicle], [required.middle for required in of_vehicle]
         colour = colours[k % len(colours)]
         ax.plot(
             x, y, color=colour, marker="o", markersize=2.5, linewidth=1.1, linestyle=("-", "--", ":")[k % 3], label=name
         )
-    known = [value for value in values if math.isfinite(value.middle)]
-    if known:
-        least = min(known, key=lambda one: one.middle / one.required)
+    bounded = [value for value in values if math.isfinite(value.middle)]
+    if bounded:
+        least = min(bounded, key=lambda required: required.middle / required.required)
         ax.plot([least.distance], [least.middle], marker="o", markersize=7, markerfacecolor="none", color=INK)
         ax.annotate(
             f"{least.middle:.4g}", (least.distance, least.middle), xytext=(6, 6), textcoords="offset points", fontsize=7
         )
-        ax.set_ylim(0.0, 1.1 * min(max(one.middle for one in known), _HIGHEST * least.middle))
-    for one in sorted({value.required for value in values}):
-        ax.axhline(one, color=SOFT, linewidth=0.7, linestyle=(0, (1, 2)))
+        ax.set_ylim(0.0, 1.1 * min(max(required.middle for required in bounded), _HIGHEST * least.middle))
+    for required in sorted({value.required for value in values}):
+        ax.axhline(required, color=SOFT, linewidth=0.7, linestyle=(0, (1, 2)))
     ax.set_xlabel(f"{distance} [{length}]", fontsize=7)
     ax.set_ylabel("λ", fontsize=7)
     ax.tick_params(labelsize=6.5)

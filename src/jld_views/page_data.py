@@ -129,8 +129,10 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
         "resultants": list(assembly.resultants),
         "touching": [list(pair) for pair in assembly.touching],
         "members": [
-            {"name": name, "kind": cast(Any, kind), "elements": held.tolist(), "points": rounded(points)}
-            for name, kind, held, points in zip(bars.names, bars.kinds, bars.elements, bars.points, strict=True)
+            {"name": name, "kind": cast(Any, kind), "elements": elements_of_bar.tolist(), "points": rounded(points)}
+            for name, kind, elements_of_bar, points in zip(
+                bars.names, bars.kinds, bars.elements, bars.points, strict=True
+            )
         ],
         "fill": [rounded(outline) for outline in assembly.fill],
     }
@@ -154,24 +156,24 @@ def _bare_edges(assembly: Assembly) -> list[Edge]:
             most, covered = max(near, 1e-3 * length), []
             for ends in touching[element]:
                 if all(abs((u - x) * along[1] - (v - y) * along[0]) <= most for u, v in ends):
-                    places = [(u - x) * along[0] + (v - y) * along[1] for u, v in ends]
-                    covered.append((max(min(places), 0.0), min(max(places), length)))
+                    positions = [(u - x) * along[0] + (v - y) * along[1] for u, v in ends]
+                    covered.append((max(min(positions), 0.0), min(max(positions), length)))
             for part in _gaps(covered, length, near):
-                low, high = ([x + place * along[0], y + place * along[1]] for place in part)
+                low, high = ([x + position * along[0], y + position * along[1]] for position in part)
                 pieces.append({"element": element, "from": rounded(low), "to": rounded(high)})
     return pieces
 
 
 def _gaps(covered: Iterable[tuple[float, float]], length: float, near: float) -> list[tuple[float, float]]:
     """Return the parts of [0, length] that intervals leave uncovered, if longer than `near`."""
-    found, at = [], 0.0
+    gaps, at = [], 0.0
     for low, high in sorted(covered):
         if low - at > near:
-            found.append((at, low))
+            gaps.append((at, low))
         at = max(at, high)
     if length - at > near:
-        found.append((at, length))
-    return found
+        gaps.append((at, length))
+    return gaps
 
 
 def cases_of(assembly: Assembly) -> list[str]:
@@ -210,8 +212,8 @@ def solution_of(result: LimitAnalysisResult) -> Solution:
         "status": str(result.status),
         "governing": names.index(result.governing) if result.governing in names else 0,
         "cases": [
-            _case(name, one, float(required))
-            for (name, one), required in zip(cases.items(), result.assembly.required, strict=True)
+            _case(name, case, float(required))
+            for (name, case), required in zip(cases.items(), result.assembly.required, strict=True)
         ],
     }
 
@@ -225,10 +227,10 @@ def within(solution: Solution, assembly: Assembly, text: str) -> Solution:
     def spread(values: Any, rows: list[int], count: int, none: Any) -> Any:
         if values is None:
             return None
-        found = [none] * count
+        ranges = [none] * count
         for row, value in zip(rows, values, strict=True):
-            found[row] = value
-        return found
+            ranges[row] = value
+        return ranges
 
     freedoms = assembly.freedoms
     empty = {
@@ -248,7 +250,7 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
     """Return the data of one load case: λ, forces, thrust and mechanism."""
     if result.instability_mechanism is not None:
         result = replace(result, mechanism=result.instability_mechanism)  # Show the mechanism that proves instability.
-    whole, result = result, core_mechanism.result_of_faces(result)
+    with_members, result = result, core_mechanism.result_of_faces(result)
     assembly, forces, mechanism = result.assembly, result.forces, result.mechanism
     solution: CaseSolution = {
         "name": name,
@@ -280,16 +282,18 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
             "vectors": rounded(
                 quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces)), DIGITS
             ),
-            "members": rounded(effects(whole.assembly, whole.forces), DIGITS) if whole.forces is not None else None,
+            "members": rounded(effects(with_members.assembly, with_members.forces), DIGITS)
+            if with_members.forces is not None
+            else None,
             "thrust": [rounded(piece, DIGITS) for piece in quantities.thrust_segments(assembly, forces)],
         }
     if mechanism is not None:
-        kinds, places = quantities.movements(result)
+        kinds, points = quantities.movements(result)
         solution |= {
             "mechanism": rounded(mechanism, DIGITS),
             "scale": rounded(quantities.mechanism_scale(assembly, mechanism), DIGITS),
             "movements": [str(kind) for kind in kinds],
-            "places": rounded(places, DIGITS),
+            "places": rounded(points, DIGITS),
         }
     return solution
 
@@ -309,10 +313,10 @@ def asset(name: str, wing: str = "report") -> str:
 
 def asset_names(wing: str = "report") -> list[str]:
     """List the modules and styles that a browser loads, modules of vendors as "vendor/..."."""
-    own = [entry.name for entry in _assets(wing).iterdir() if entry.name.endswith((".js", ".css"))]
+    names = [entry.name for entry in _assets(wing).iterdir() if entry.name.endswith((".js", ".css"))]
     vendor = _assets(wing).joinpath("vendor")
     theirs = [f"vendor/{entry.name}" for entry in vendor.iterdir()] if vendor.is_dir() else []
-    return sorted([*own, *(name for name in theirs if name.endswith(".js"))])
+    return sorted([*names, *(name for name in theirs if name.endswith(".js"))])
 
 
 def _assets(wing: str) -> Traversable:
@@ -324,20 +328,20 @@ def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
     """Join a JavaScript module of the page and all its imports into one script."""
     # Imported modules come first, each in a scope of its own.
     instead = instead or {}
-    done: dict[str, str] = {}
+    texts: dict[str, str] = {}
 
     def visit(name: str, above: tuple[str, ...]) -> None:
         if name in above:
             raise ValueError(f"the modules {' → '.join((*above, name))} import one another in a circle")
-        if name in done:
+        if name in texts:
             return
         text = asset(name)
         for _, wanted in (*_IMPORT.findall(text), *_STAR.findall(text)):
             visit(instead.get(wanted, wanted), (*above, name))
-        done[name] = _scoped(name, text, instead, last=name == entry)
+        texts[name] = _scoped(name, text, instead, last=name == entry)
 
     visit(entry, ())
-    script = "const $modules = {};\n" + "".join(done.values())
+    script = "const $modules = {};\n" + "".join(texts.values())
     if "</script" in script.lower() or "<!--" in script:
         raise ValueError("a module contains text that would end its script")
     return script
@@ -392,7 +396,7 @@ def packed(data: Mapping[str, Any]) -> str:
 
 def filled(template: str, parts: Mapping[str, str]) -> str:
     """Replace each {{name}} in a template by its part; parts are not expanded again."""
-    return _TOKEN.sub(lambda found: parts[found[1]], template)
+    return _TOKEN.sub(lambda match: parts[match[1]], template)
 
 
 def _hash(text: str) -> str:
@@ -419,9 +423,9 @@ _NO_COUNT: Final = ("rank", "multiplicity", "seconds", "load_factor", "bracket_l
 def chosen_rows(results: pd.DataFrame, front: pd.DataFrame, most: int = MOST) -> pd.DataFrame:
     if len(results) <= most:
         return results
-    kept = np.arange(len(results)) < most
-    kept |= results.index.isin(front.index)
-    return results[kept]
+    chosen = np.arange(len(results)) < most
+    chosen |= results.index.isin(front.index)
+    return results[chosen]
 
 
 def table_of(
@@ -434,8 +438,8 @@ def table_of(
     bits, nothing = labelling.of_texts(results["labelling"].astype(str).tolist(), assembly.faces)
     beside = nothing if nothing.any() else np.zeros((0, assembly.faces), dtype=bool)
     evidence = pd.Series("visited", index=results.index, dtype=object)
-    known = front.index.intersection(results.index)
-    evidence.loc[known] = front.loc[known, "evidence"].astype(str)
+    common = front.index.intersection(results.index)
+    evidence.loc[common] = front.loc[common, "evidence"].astype(str)
     value = ranked_by(results)
     ranked = {"load_factor": value, "bracket_lo": f"{value} at least", "bracket_hi": f"{value} at most"}
     columns = [
@@ -466,8 +470,8 @@ def _ordered(names: list[str]) -> list[str]:
 
 
 def _column(name: str, title: str, values: pd.Series[Any], assembly: Assembly) -> Column:
-    kind, shown = _values(values, digits=4 if name == "seconds" else 10)
-    return {"name": name, "title": title, "unit": _unit(name, assembly), "kind": kind, "values": shown}
+    kind, texts = _values(values, digits=4 if name == "seconds" else 10)
+    return {"name": name, "title": title, "unit": _unit(name, assembly), "kind": kind, "values": texts}
 
 
 def _values(values: pd.Series[Any], digits: int) -> tuple[Literal["integer", "number", "text"], list[Any]]:
@@ -498,12 +502,12 @@ def _counts() -> dict[str, Count]:
 
 def curve_of(name: str, history: pd.DataFrame) -> Curve:
     """Return a convergence curve for a page from the table of convergence.csv."""
-    found = history[np.isfinite(history["best"].astype(float))]
+    finite = history[np.isfinite(history["best"].astype(float))]
     return {
         "name": name,
-        "solves": [int(v) for v in found["solves"]],
-        "seconds": rounded(found["seconds"].to_numpy(dtype=float), 5),
-        "best": rounded(found["best"].to_numpy(dtype=float), 10),
+        "solves": [int(v) for v in finite["solves"]],
+        "seconds": rounded(finite["seconds"].to_numpy(dtype=float), 5),
+        "best": rounded(finite["best"].to_numpy(dtype=float), 10),
     }
 
 

@@ -66,8 +66,8 @@ def scene_page(scene: Scene, assembly: Assembly) -> str:
     return page(result_data(scene, CaseAnalysis(assembly).solve(assembly.labels, stands=True)))
 
 
-def result_data(scene: Scene | None, found: LimitAnalysisResult) -> PageData:
-    assembly, solution = found.assembly, solution_of(found)
+def result_data(scene: Scene | None, result: LimitAnalysisResult) -> PageData:
+    assembly, solution = result.assembly, solution_of(result)
     return page_data(
         kind="report",
         scene=scene,
@@ -76,7 +76,7 @@ def result_data(scene: Scene | None, found: LimitAnalysisResult) -> PageData:
         facts={
             **facts_of_assembly(assembly),
             **({} if scene is None else weight_facts(scene, assembly)),
-            **facts_of_result(found),
+            **facts_of_result(result),
         },
         solutions={0: solution},
         pictures=path_pictures(assembly, solution),
@@ -137,8 +137,8 @@ def path_pictures(assembly: Assembly, solution: Solution) -> list[Picture]:
     from jld_views.moved_joints import PathValue, figure_of_path  # importing matplotlib takes longer than many pages
 
     values = []
-    for case, found in zip(assembly.cases, solution["cases"], strict=True):
-        low, high = (math.nan if end is None else end for end in found["bracket"])
+    for case, solved in zip(assembly.cases, solution["cases"], strict=True):
+        low, high = (math.nan if end is None else end for end in solved["bracket"])
         if case.place is not None:
             values.append(PathValue(*case.place, low, high, case.required))
     image = io.BytesIO()
@@ -152,21 +152,21 @@ def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: flo
     # The most important row is solved even after `patience` seconds. Solving ends at the first row that is expected to
     # take longer than `dear` seconds, and `dear` seconds after the begin.
     start, latest = time.perf_counter(), Deadline(dear)
-    found: dict[int, Solution] = {}
+    solutions: dict[int, Solution] = {}
     solver = CaseAnalysis(done.assembly, done.model)
-    for place in _worth(rows, done.front, solved):
-        if (found and time.perf_counter() - start > patience) or _AGAIN * float(rows["seconds"].iloc[place]) > dear:
+    for row in _worth(rows, done.front, solved):
+        if (solutions and time.perf_counter() - start > patience) or _AGAIN * float(rows["seconds"].iloc[row]) > dear:
             break
-        text = str(rows["labelling"].iloc[place])
-        rest, labels = cut(done.assembly, text)
-        whole = rest is done.assembly
+        text = str(rows["labelling"].iloc[row])
+        structure, labels = cut(done.assembly, text)
+        is_whole = structure is done.assembly
         try:
             with latest.enforced():
-                result = (solver if whole else CaseAnalysis(rest, done.model)).solve(labels)
+                result = (solver if is_whole else CaseAnalysis(structure, done.model)).solve(labels)
         except DeadlinePassed:
             break
-        found[place] = solution_of(result) if whole else within(solution_of(result), done.assembly, text)
-    return dict(sorted(found.items()))
+        solutions[row] = solution_of(result) if is_whole else within(solution_of(result), done.assembly, text)
+    return dict(sorted(solutions.items()))
 
 
 def _worth(rows: pd.DataFrame, front: pd.DataFrame, solved: int) -> Sequence[int]:

@@ -59,29 +59,29 @@ def plot_pareto(
 ) -> Figure:
     """Plot λ against a count: all layouts that collapse, the front, and layouts along it."""
     # Numbers in circles link layouts and points.
-    if count not in [known.name for known in registered()] or sense not in ("max", "min"):
+    if count not in [evidence.name for evidence in registered()] or sense not in ("max", "min"):
         raise ValueError(f"count {count!r} and sense {sense!r}: no such front")
     counted = count_named(count)
-    shown = collapsed(results)
+    rows = collapsed(results)
     best, sure = explore_columns.known_front(collapsed(front).sort_values(count, kind="stable"))
     points = best[[count, "load_factor"]].to_numpy(dtype=float)
     width, height = 9.6, 4.3
-    chosen = spread(points, shown[[count, "load_factor"]].to_numpy(dtype=float), (8.6, height - 0.3), layouts)
+    chosen = spread(points, rows[[count, "load_factor"]].to_numpy(dtype=float), (8.6, height - 0.3), layouts)
     gallery = Gallery.of(len(chosen), assembly, width)
     total = 0.25 + height + 0.75 + gallery.height + 0.35
     figure = figure_of(width, total)
     ax = axes_of(figure, (0.75, total - 0.35 - height, width - 1.0, height))
     ax.set_xlabel(counted.label(assembly), fontsize=9)
     ax.set_ylabel(f"load factor {explore_columns.ranked_by(results)} [–]", fontsize=9)
-    if len(shown):
-        many = len(shown) > MANY
+    if len(rows):
+        is_large = len(rows) > MANY
         ax.plot(
-            shown[count], shown["load_factor"], "o", color=DOTS, alpha=0.25 if many else 0.65, markersize=3.6,
-            markeredgewidth=0.0, rasterized=many, label="labellings that collapse", zorder=1.0,
+            rows[count], rows["load_factor"], "o", color=DOTS, alpha=0.25 if is_large else 0.65, markersize=3.6,
+            markeredgewidth=0.0, rasterized=is_large, label="labellings that collapse", zorder=1.0,
         )  # fmt: skip
         steps = "steps-pre" if sense == "max" else "steps-post"
-        known = "proven" if sure.all() else "partly proven" if sure.any() else "best found"
-        ax.plot(*points.T, color=FRONT, linewidth=1.3, drawstyle=steps, label=f"front, {known}", zorder=2.0)
+        evidence = "proven" if sure.all() else "partly proven" if sure.any() else "best found"
+        ax.plot(*points.T, color=FRONT, linewidth=1.3, drawstyle=steps, label=f"front, {evidence}", zorder=2.0)
         for chosen_points, face, words in ((sure, FRONT, "proven"), (~sure, "white", "best found")):
             if chosen_points.any():
                 ax.plot(
@@ -98,9 +98,9 @@ def plot_pareto(
         gallery.draw(figure, number, assembly, best["labelling"].iloc[k], value)
     figure.text(0.5, 0.1 / total, caption(results), fontsize=8, ha="center", va="bottom", color=SOFT)
     ax.set_title(textwrap.shorten(assembly.name, 60, placeholder=" …"), fontsize=10, loc="left")
-    if len(shown):
-        place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
-        ax.legend(handles=ax.lines[:2], ncols=2, frameon=False, fontsize=8, markerscale=1.6, **place)
+    if len(rows):
+        position: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
+        ax.legend(handles=ax.lines[:2], ncols=2, frameon=False, fontsize=8, markerscale=1.6, **position)
     return figure
 
 
@@ -110,21 +110,21 @@ def plot_best(result: LimitAnalysisResult) -> Figure:
 
 def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
     """Return a figure of λ by an integer count: box plots, with all layouts as dots."""
-    shown = collapsed(results)
+    rows = collapsed(results)
     figure = figure_of(8.0, 4.6)
     ax = axes_of(figure, (0.75, 0.85, 7.0, 3.25))
     counted = count_named(count)
     ax.set_xlabel(counted.axis if isinstance(counted.axis, str) else f"{counted.noun}s", fontsize=9)
     ax.set_ylabel(f"load factor {explore_columns.ranked_by(results)} [–]", fontsize=9)
-    if shown.empty:
+    if rows.empty:
         say_nothing(ax, "no labelling collapses at a finite load factor")
     else:
-        dry, value = shown[count].to_numpy(dtype=int), shown["load_factor"].to_numpy(dtype=float)
+        dry, value = rows[count].to_numpy(dtype=int), rows["load_factor"].to_numpy(dtype=float)
         groups = {int(k): value[dry == k] for k in np.unique(dry)}
-        many = len(shown) > MANY
+        is_large = len(rows) > MANY
         ax.plot(
-            dry, value, "o", color=DOTS, alpha=0.2 if many else 0.65, markersize=3.6,
-            markeredgewidth=0.0, rasterized=many, zorder=1.0, label="labellings",
+            dry, value, "o", color=DOTS, alpha=0.2 if is_large else 0.65, markersize=3.6,
+            markeredgewidth=0.0, rasterized=is_large, zorder=1.0, label="labellings",
         )  # fmt: skip
         line = {"color": INK, "linewidth": 0.9}
         ax.boxplot(
@@ -135,9 +135,9 @@ def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
         _whole_numbers(ax, counted)
         ax.set_title(f"λ by {counted.noun}s; above each box how many classes it holds", fontsize=9, pad=18.0)
         note: dict[str, Any] = {"fontsize": 7, "ha": "center", "va": "bottom", "color": SOFT}
-        for place, part in groups.items() if len(groups) <= 40 else ():
+        for group, part in groups.items() if len(groups) <= 40 else ():
             turned = 90 if len(groups) > 24 else 0
-            ax.text(place, 1.015, str(len(part)), transform=ax.get_xaxis_transform(), rotation=turned, **note)
+            ax.text(group, 1.015, str(len(part)), transform=ax.get_xaxis_transform(), rotation=turned, **note)
     figure.text(0.5, 0.1 / 4.6, caption(results), fontsize=8, ha="center", va="bottom", color=SOFT)
     return figure
 
@@ -169,8 +169,8 @@ def plot_dry_frequency(results: pd.DataFrame, assembly: Assembly, top: int = 50)
     figure.colorbar(ScalarMappable(Normalize(0.0, 1.0), SHARE), cax=bar, orientation="horizontal")
     bar.set_xlabel("share in which the face is dry; dotted: in none", fontsize=8)
     bar.tick_params(labelsize=8)
-    what = "the labelling" if len(best) == 1 else f"the {len(best)} best labellings"
-    figure.text(0.5, 1.0 - 0.1 / total[1], f"Dry faces in {what}", fontsize=10, ha="center", va="top")
+    subject = "the labelling" if len(best) == 1 else f"the {len(best)} best labellings"
+    figure.text(0.5, 1.0 - 0.1 / total[1], f"Dry faces in {subject}", fontsize=10, ha="center", va="top")
     return figure
 
 
@@ -179,31 +179,31 @@ def plot_convergence(histories: dict[str, pd.DataFrame]) -> Figure:
     figure = figure_of(9.6, 4.2)
     names = {"solves": "programs solved", "seconds": "time [s]"}
     axes = [axes_of(figure, (0.75 + 4.45 * k, 0.95, 4.1, 2.95)) for k in range(2)]
-    drawn = 0
+    count = 0
     for number, (name, history) in enumerate(histories.items()):
         colour, dash = LINES[number % len(LINES)]
-        known = history.assign(best=history["best"].cummax()).dropna(subset=["best"])
-        if known.empty:
+        finite = history.assign(best=history["best"].cummax()).dropna(subset=["best"])
+        if finite.empty:
             continue
-        drawn += 1
+        count += 1
         for ax, column in zip(axes, names, strict=True):
             ax.plot(
-                known[column], known["best"], color=colour, linestyle=dash, linewidth=1.5, label=name,
-                drawstyle="steps-post", marker="o", markersize=4.5, markevery=[len(known) - 1],
+                finite[column], finite["best"], color=colour, linestyle=dash, linewidth=1.5, label=name,
+                drawstyle="steps-post", marker="o", markersize=4.5, markevery=[len(finite) - 1],
             )  # fmt: skip
     for ax, label in zip(axes, names.values(), strict=True):
         ax.set_xlabel(label, fontsize=9)
-        if not drawn:
+        if not count:
             say_nothing(ax, "no finite load factor yet")
     axes[0].set_ylabel("best load factor λ so far [–]", fontsize=9)
-    if drawn:
+    if count:
         low = min(ax.get_ylim()[0] for ax in axes)
         high = max(ax.get_ylim()[1] for ax in axes)
         for ax in axes:
             ax.set_ylim(low, high)
         axes[1].tick_params(labelleft=False)
         figure.legend(
-            handles=axes[0].lines, loc="lower center", ncols=min(drawn, 5), frameon=False, fontsize=8,
+            handles=axes[0].lines, loc="lower center", ncols=min(count, 5), frameon=False, fontsize=8,
             bbox_to_anchor=(0.5, 0.02), handlelength=3.5,
         )  # fmt: skip
     return figure
@@ -219,8 +219,8 @@ def labels_of(text: object, assembly: Assembly) -> Bits:
 
 def collapsed(table: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of a table whose layouts have a finite load factor."""
-    kept = (table["status"] == str(Status.COLLAPSE)) & np.isfinite(table["load_factor"].astype(float))
-    return table if kept.all() else table[kept]  # a selection copies: a million rows take 0.3 GB
+    ranked = (table["status"] == str(Status.COLLAPSE)) & np.isfinite(table["load_factor"].astype(float))
+    return table if ranked.all() else table[ranked]  # a selection copies: a million rows take 0.3 GB
 
 
 def spread(points: Floats, every: Floats, inches: tuple[float, float], most: int) -> list[int]:
@@ -230,14 +230,14 @@ def spread(points: Floats, every: Floats, inches: tuple[float, float], most: int
         return []
     scale = np.array(inches) / np.maximum(np.ptp(every, axis=0), 1e-300)
     paper = np.where(np.ptp(every, axis=0) > 0.0, points * scale, 0.0)
-    taken = [0]
-    while len(taken) < min(most, len(points)):
-        distance = np.min([np.hypot(*(paper - paper[k]).T) for k in taken], axis=0)
-        farthest = int(np.argmax(distance)) if len(taken) > 1 else len(points) - 1
+    chosen = [0]
+    while len(chosen) < min(most, len(points)):
+        distance = np.min([np.hypot(*(paper - paper[k]).T) for k in chosen], axis=0)
+        farthest = int(np.argmax(distance)) if len(chosen) > 1 else len(points) - 1
         if distance[farthest] < 0.28:
             break
-        taken.append(farthest)
-    return sorted(taken)
+        chosen.append(farthest)
+    return sorted(chosen)
 
 
 @dataclass(frozen=True)
@@ -275,9 +275,9 @@ class Gallery:
         bottom = 0.35 + (self.rows - 1 - row) * self.cell[1]
         thumb = axes_of(figure, (left + 0.08, bottom + 0.06, self.cell[0] - 0.16, self.cell[1] - 0.42))
         labels_of(labelling, assembly)
-        rest, labels = cut(assembly, str(labelling))
-        core.draw_assembly(thumb, rest, labels, plain=True)
-        if rest is not assembly:
+        structure, labels = cut(assembly, str(labelling))
+        core.draw_assembly(thumb, structure, labels, plain=True)
+        if structure is not assembly:
             # Use the scale of the whole structure.
             frame(thumb, assembly, list(extent(assembly, projection_of(assembly))), bare=True)
         y = (bottom + self.cell[1] - 0.2) / total
@@ -355,13 +355,13 @@ def plot_three(
     # The front is emphasised. Numbers in circles link layouts and points.
     (first, _), (second, _) = axes
     counted = [count_named(name) for name, _ in axes]
-    shown = collapsed(results)
+    rows = collapsed(results)
     best = explore_columns.known_front(collapsed(front))[0].sort_values([first, second, "load_factor"], kind="stable")
     best, sure = explore_columns.known_front(best.drop_duplicates([first, second], keep="last"))
     points = best[[first, second, "load_factor"]].to_numpy(dtype=float)
     width, height = 9.6, 4.6
-    places = shown[[first, second]].to_numpy(dtype=float)
-    chosen = spread(points[:, :2], places, (7.6, height), layouts)
+    counts_of_rows = rows[[first, second]].to_numpy(dtype=float)
+    chosen = spread(points[:, :2], counts_of_rows, (7.6, height), layouts)
     gallery = Gallery.of(len(chosen), assembly, width)
     total = 0.25 + height + 0.85 + gallery.height + 0.35
     figure = figure_of(width, total)
@@ -371,15 +371,15 @@ def plot_three(
         getattr(ax, f"set_{name}label")(f"{count.label(assembly)}  ({more} is better)", fontsize=9)
     ax.set_title(textwrap.shorten(assembly.name, 60, placeholder=" …"), fontsize=10, loc="left")
     figure.text(0.5, 0.1 / total, caption(results), fontsize=8, ha="center", va="bottom", color=SOFT)
-    if not len(shown):
+    if not len(rows):
         say_nothing(ax, "no labelling collapses at a finite load factor")
         return figure
     scale = Normalize(min(points[:, 2].min(), 0.999 * points[:, 2].max()), points[:, 2].max())
-    squares = all(c.integer for c in counted) and bool(np.all(np.ptp(places, axis=0) < _CELLS))
+    squares = all(c.integer for c in counted) and bool(np.all(np.ptp(counts_of_rows, axis=0) < _CELLS))
     for axis, count in zip((ax.xaxis, ax.yaxis), counted, strict=True):
         if count.integer:
             axis.set_major_locator(MaxNLocator(nbins=12, integer=True, min_n_ticks=1))
-    (_squares if squares else _dots)(ax, shown[[first, second, "load_factor"]], points, sure, scale)
+    (_squares if squares else _dots)(ax, rows[[first, second, "load_factor"]], points, sure, scale)
     beside = axes_of(figure, (width - 1.0, total - 0.4 - height, 0.16, height))
     bar = figure.colorbar(ScalarMappable(scale, STRENGTH), cax=beside)
     bar.set_label(f"load factor {explore_columns.ranked_by(results)} of the front [–]", fontsize=9)
@@ -401,22 +401,22 @@ def plot_three(
     return figure
 
 
-def _squares(ax: Axes, shown: pd.DataFrame, points: Floats, sure: Bools, scale: Normalize) -> None:
+def _squares(ax: Axes, rows: pd.DataFrame, points: Floats, sure: Bools, scale: Normalize) -> None:
     """Draw each pair of counts as a square with its best λ; points: (k, 3) counts and λ on the front."""
-    first, second, value = shown.columns
-    on_front = {(x, y): (v, known) for (x, y, v), known in zip(points, sure, strict=True)}
-    most = shown.groupby([first, second], as_index=False)[value].max().to_numpy(dtype=float)
+    first, second, value = rows.columns
+    on_front = {(x, y): (v, sure_value) for (x, y, v), sure_value in zip(points, sure, strict=True)}
+    most = rows.groupby([first, second], as_index=False)[value].max().to_numpy(dtype=float)
     for x, y, found in most.tolist():
         at = x, y
-        v, known = on_front.get(at, (found, False))
+        v, sure_value = on_front.get(at, (found, False))
         inside = at in on_front
         style: dict[str, Any] = {
             "facecolor": STRENGTH(scale(v)),
             "edgecolor": FRONT,
-            "linewidth": 2.0 if known else 1.2,
+            "linewidth": 2.0 if sure_value else 1.2,
             "zorder": 2.0,
         }
-        style |= {"linestyle": "-" if known else (0, (3.0, 1.6))}
+        style |= {"linestyle": "-" if sure_value else (0, (3.0, 1.6))}
         plain: dict[str, Any] = {"facecolor": "none", "edgecolor": "#D5D5D5", "linewidth": 0.6, "zorder": 1.0}
         ax.add_patch(Rectangle((at[0] - 0.44, at[1] - 0.44), 0.88, 0.88, **(style if inside else plain)))
         ax.text(
@@ -439,11 +439,11 @@ def _squares(ax: Axes, shown: pd.DataFrame, points: Floats, sure: Bools, scale: 
     )  # fmt: skip
 
 
-def _dots(ax: Axes, shown: pd.DataFrame, points: Floats, sure: Bools, scale: Normalize) -> None:
+def _dots(ax: Axes, rows: pd.DataFrame, points: Floats, sure: Bools, scale: Normalize) -> None:
     """Draw every layout as a dot and the front coloured by λ, for counts with many values."""
     # Arguments as in `_squares`.
-    first, second, _ = shown.columns
-    ax.plot(shown[first], shown[second], "o", color=DOTS, alpha=0.4, markersize=3.0, markeredgewidth=0.0, zorder=1.0)
+    first, second, _ = rows.columns
+    ax.plot(rows[first], rows[second], "o", color=DOTS, alpha=0.4, markersize=3.0, markeredgewidth=0.0, zorder=1.0)
     for part, width, words in ((sure, 1.8, "proven"), (~sure, 0.9, "best found")):
         if part.any():
             ax.scatter(

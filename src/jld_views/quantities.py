@@ -41,10 +41,10 @@ def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
     block, support = blocks_of(assembly, labels), assembly.elements.support
     a, b = block[assembly.interfaces.a], block[assembly.interfaces.b]
     neighbours: dict[int, set[int]] = {int(k): set() for k in block}
-    for left, right in zip(a.tolist(), b.tolist(), strict=True):
-        if left != right:
-            neighbours[left].add(right)
-            neighbours[right].add(left)
+    for first, second in zip(a.tolist(), b.tolist(), strict=True):
+        if first != second:
+            neighbours[first].add(second)
+            neighbours[second].add(first)
     grounded = set(block[support].tolist()) - set(block[~support].tolist())
     colour: dict[int, int] = {}
     used = [0] * available

@@ -67,15 +67,15 @@ def write_pictures(
     for name in names:
         if name == "best" and done.summary.best_labelling is None:
             continue
-        for own, draw in _drawings(name, done, fields).items():
+        for file_name, draw in _drawings(name, done, fields).items():
             bounds = name == "best" and isinstance(done.scene.cracks, core_cracks.FieldCracks)
             seconds = busy * _drawing_seconds(name, done) + (fields * len(done.assembly.by_case) if bounds else 0.0)
             if deadline is not None and deadline.remaining() < seconds:
-                missing.append(f"{own}.{ending}")
+                missing.append(f"{file_name}.{ending}")
                 continue
             from jld_views.figures import save_figure
 
-            path = (out or done.folder) / f"{own}.{ending}"
+            path = (out or done.folder) / f"{file_name}.{ending}"
             save_figure(draw(), path)
             written.append(path)
     return written, missing

@@ -91,8 +91,8 @@ def paint(
 def _paint_planar(
     ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: LineStyle, move: Move | None
 ) -> Drawn:
-    place = move or (lambda _, points: points)
-    shapes = [place(k, shape) for k, shape in enumerate(assembly.elements.shape)]
+    move_points = move or (lambda _, points: points)
+    shapes = [move_points(k, shape) for k, shape in enumerate(assembly.elements.shape)]
     support = assembly.elements.support
     drawn: Drawn = {}
     kinds: list[tuple[str, Ints, dict[str, Any]]] = [
@@ -115,7 +115,7 @@ def _paint_planar(
     sides = [faces.b] if move is None else [faces.a, faces.b]
     for name, mask, dash, zorder in (("inner", ~labels, DOTTED, 2.1), ("dry", labels, "solid", 2.2)):
         chosen = np.flatnonzero(mask)
-        segments = [place(int(side[k]), faces.polygon[k]) for side in sides for k in chosen]
+        segments = [move_points(int(side[k]), faces.polygon[k]) for side in sides for k in chosen]
         colours = [ink.colours[k] for _ in sides for k in chosen]
         widths = np.concatenate([ink.widths[chosen] for _ in sides])
         drawn[name] = [_lines(ax, segments, name, colours, widths, dash, zorder)]
@@ -146,11 +146,11 @@ def _outlines(assembly: Assembly, shapes: list[Floats], blocks: Ints) -> list[Fl
     for block in np.unique(blocks[free]):
         parts = [Polygon(shapes[k]) for k in free if blocks[k] == block]
         if len(parts) == 1:
-            whole: Any = parts[0]
+            union: Any = parts[0]
         else:
             grown = shapely.union_all(shapely.buffer(parts, seam, join_style="mitre"))
-            whole = shapely.buffer(grown, -seam, join_style="mitre")
-        for polygon in shapely.get_parts(whole):
+            union = shapely.buffer(grown, -seam, join_style="mitre")
+        for polygon in shapely.get_parts(union):
             lines += [np.asarray(ring.coords) for ring in (polygon.exterior, *polygon.interiors)]
     return lines
 
@@ -171,19 +171,19 @@ def painter_order(assembly: Assembly, toward: Floats) -> list[int]:
     ready = [(float(depth[k]), k) for k in range(count) if not behind[k]]
     heapq.heapify(ready)
     order: list[int] = []
-    done = np.zeros(count, dtype=bool)
+    is_drawn = np.zeros(count, dtype=bool)
     while len(order) < count:
         if ready:
             element = heapq.heappop(ready)[1]
         else:
-            element = int(min(np.flatnonzero(~done), key=lambda k: depth[k]))
-        if done[element]:
+            element = int(min(np.flatnonzero(~is_drawn), key=lambda k: depth[k]))
+        if is_drawn[element]:
             continue
-        done[element] = True
+        is_drawn[element] = True
         order.append(element)
         for k in nearer[element]:
             behind[k].discard(element)
-            if not behind[k] and not done[k]:
+            if not behind[k] and not is_drawn[k]:
                 heapq.heappush(ready, (float(depth[k]), k))
     return order
 
@@ -239,8 +239,8 @@ def _paint_spatial(
 
 def visible_faces(shape: Floats, faces: tuple[tuple[int, ...], ...], toward: Floats) -> list[tuple[int, ...]]:
     """Return the faces of vertices (k, 3) that point to the viewer, the farthest first."""
-    seen = [face for face in faces if float(area_vector(shape[list(face)]) @ toward) > 0.0]
-    return sorted(seen, key=lambda face: float(shape[list(face)].mean(axis=0) @ toward))
+    visible = [face for face in faces if float(area_vector(shape[list(face)]) @ toward) > 0.0]
+    return sorted(visible, key=lambda face: float(shape[list(face)].mean(axis=0) @ toward))
 
 
 def _close_ring(points: Floats) -> Floats:

@@ -35,9 +35,9 @@ _LEAST_SEEN: Final = 0.008
 def as_written(figure: Figure) -> Iterator[None]:
     """Make figures drawn inside this context show all text literally."""
     # Dollar signs do not begin formulas, unprintable characters become blanks, and missing glyphs cause no warning.
-    found = figure.findobj(lambda artist: isinstance(artist, Tick | Text))
-    ticks = {id(text) for tick in found if isinstance(tick, Tick) for text in (tick.label1, tick.label2)}
-    for text in found:  # but for numbers made by matplotlib
+    texts = figure.findobj(lambda artist: isinstance(artist, Tick | Text))
+    ticks = {id(text) for tick in texts if isinstance(tick, Tick) for text in (tick.label1, tick.label2)}
+    for text in texts:  # but for numbers made by matplotlib
         if isinstance(text, Text) and id(text) not in ticks:
             text.set_parse_math(False)
             text.set_text(files.printable(text.get_text()))
@@ -49,9 +49,9 @@ def as_written(figure: Figure) -> Iterator[None]:
 def write_ids(ax: Axes, assembly: Assembly) -> list[Artist]:
     """Write the id of each element at its centroid on axes; return the texts."""
     size = float(np.clip(0.16 * element_points(ax, assembly), 3.0, 8.0))
-    places = projection_of(assembly)(assembly.elements.centroid)
+    points = projection_of(assembly)(assembly.elements.centroid)
     look: dict[str, Any] = {"ha": "center", "va": "center", "color": SOFT, "fontsize": size}
-    return [_text(ax, place, name, **look) for place, name in zip(places, assembly.elements.ids, strict=True)]
+    return [_text(ax, point, name, **look) for point, name in zip(points, assembly.elements.ids, strict=True)]
 
 
 def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
@@ -77,8 +77,8 @@ def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
         written.append(_text(ax, middle + above, value, va="bottom", ha="center", color=LOAD))
     for k in quantities.live_couples(assembly):
         moment = float(np.linalg.norm(assembly.live[k, assembly.dimension :]))
-        place = projection(assembly.elements.centroid[k])
-        written.append(_text(ax, place, f"  {moment:.3g} {unit}·{assembly.units[0]} × λ", va="bottom", color=LOAD))
+        point = projection(assembly.elements.centroid[k])
+        written.append(_text(ax, point, f"  {moment:.3g} {unit}·{assembly.units[0]} × λ", va="bottom", color=LOAD))
     return written
 
 
@@ -90,12 +90,12 @@ def write_numbers(
     Return the texts. In space it stands on the largest visible part, if that is large enough.
     """
     if assembly.dimension == 2:
-        places = [_inside(assembly, block, np.asarray(at)) for block, at in zip(blocks, centroids, strict=True)]
-        found: list[Any] = [projection_of(assembly)(place[None])[0] for place in places]
+        points = [_inside(assembly, block, np.asarray(at)) for block, at in zip(blocks, centroids, strict=True)]
+        projected: list[Any] = [projection_of(assembly)(point[None])[0] for point in points]
     else:
-        found = _seen_places(assembly, blocks)
+        projected = _seen_places(assembly, blocks)
     look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": size}
-    return [_text(ax, place, str(n), **look) for n, place in enumerate(found, 1) if place is not None]
+    return [_text(ax, point, str(n), **look) for n, point in enumerate(projected, 1) if point is not None]
 
 
 def _inside(assembly: Assembly, block: Sequence[int], centroid: Floats) -> Floats:
@@ -105,10 +105,12 @@ def _inside(assembly: Assembly, block: Sequence[int], centroid: Floats) -> Float
     if not outlines:
         return centroid
     # elements overlap by a hair, so that no seam is left between them
-    whole = max(shapely.get_parts(shapely.union_all(shapely.buffer(outlines, 1e-6 * assembly.size))), key=shapely.area)
-    circle = shapely.maximum_inscribed_circle(whole, tolerance=0.02 * float(np.sqrt(whole.area)))
+    largest = max(
+        shapely.get_parts(shapely.union_all(shapely.buffer(outlines, 1e-6 * assembly.size))), key=shapely.area
+    )
+    circle = shapely.maximum_inscribed_circle(largest, tolerance=0.02 * float(np.sqrt(largest.area)))
     point = shapely.Point(centroid)
-    deep = whole.covers(point) and whole.boundary.distance(point) >= _DEEP * shapely.length(circle)
+    deep = largest.covers(point) and largest.boundary.distance(point) >= _DEEP * shapely.length(circle)
     return centroid if deep else shapely.get_coordinates(circle)[0]
 
 
@@ -126,14 +128,14 @@ def _seen_places(assembly: Assembly, blocks: Sequence[Sequence[int]]) -> list[Fl
         if element in owner:
             parts[owner[element]] += [outline.difference(hidden) for outline in outlines]
         hidden = shapely.union_all([hidden, *outlines])
-    found: list[Floats | None] = []
-    for seen in parts:
-        pieces = [one for part in seen for one in shapely.get_parts(part) if one.geom_type == "Polygon" and one.area]
+    points: list[Floats | None] = []
+    for visible in parts:
+        pieces = [one for part in visible for one in shapely.get_parts(part) if one.geom_type == "Polygon" and one.area]
         radii = [shapely.maximum_inscribed_circle(piece, tolerance=0.02 * np.sqrt(piece.area)) for piece in pieces]
         best = max(radii, key=shapely.length, default=None)
         wide = best is not None and shapely.length(best) > _LEAST_SEEN * assembly.size
-        found.append(shapely.get_coordinates(best)[0] if wide else None)
-    return found
+        points.append(shapely.get_coordinates(best)[0] if wide else None)
+    return points
 
 
 def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
@@ -145,16 +147,16 @@ def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
         return []
     size = np.linalg.norm(quantities.face_vectors(assembly, forces), axis=1)
     places = projection_of(assembly)(quantities.pressure_points(assembly, forces)[0])
-    shown = size > quantities.SMALL * size.max(initial=0.0)
+    visible = size > quantities.SMALL * size.max(initial=0.0)
     points = float(np.clip(0.13 * element_points(ax, assembly), 3.0, 7.0))
     return [
-        _text(ax, place, f" {value:.3g}", va="bottom", color=PRESS, fontsize=points)
-        for place, value in zip(places[shown], size[shown], strict=True)
+        _text(ax, point, f" {value:.3g}", va="bottom", color=PRESS, fontsize=points)
+        for point, value in zip(places[visible], size[visible], strict=True)
     ]
 
 
-def _text(ax: Axes, place: Any, text: str, **look: Any) -> Text:
+def _text(ax: Axes, point: Any, text: str, **look: Any) -> Text:
     """Add a text with a halo, without parsing formulas."""
     style: dict[str, Any] = {"fontsize": 7.5, "color": INK, "zorder": 6.0, "path_effects": _HALO, **look}
     # parse_math=False, since a single dollar sign in a name would begin a formula
-    return ax.text(float(place[0]), float(place[1]), text, parse_math=False, **style)
+    return ax.text(float(point[0]), float(point[1]), text, parse_math=False, **style)

@@ -235,7 +235,7 @@ def test_the_driver_that_proves_is_taken_where_the_proof_is_in_reach() -> None:
         scene = parse_scene(grid_document(rows, **{"block_cells": [1, 3], **more}))
         space = search_space(scene, build_assembly(scene))
         size = make_driver("enumeration", space, 0).size_up_to(50)
-        return driver_for(space, 0, SolveOptions(), size, {}, many=False).name
+        return driver_for(space, 0, SolveOptions(), size, {}, bounded=True).name
 
     assert chosen(["aa", "aa", "##"]) == "enumeration"
     assert chosen(["aaaa", "aaaa", "aaaa", "####"]) == "exact"
@@ -245,9 +245,9 @@ def test_the_driver_that_proves_is_taken_where_the_proof_is_in_reach() -> None:
     scene = parse_scene(grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[1, 3]))
     space = search_space(scene, build_assembly(scene))
     model = SolveOptions(friction="zero-dilation", range=True)
-    assert driver_for(space, 0, model, None, {}, many=False).name in ("genetic", "portfolio")
-    assert driver_for(space, 0, SolveOptions(), None, {"population": "8"}, many=False).name == "genetic"
-    assert driver_for(space, 0, SolveOptions(), None, {}, many=True).name == "genetic"
+    assert driver_for(space, 0, model, None, {}, bounded=True).name in ("genetic", "portfolio")
+    assert driver_for(space, 0, SolveOptions(), None, {"population": "8"}, bounded=True).name == "genetic"
+    assert driver_for(space, 0, SolveOptions(), None, {}, bounded=False).name == "genetic"
 
 
 def test_brackets_that_overlap_share_a_rank(searched: Path) -> None:

@@ -41,10 +41,10 @@ from jld_cut.meshes import (
     volume_of,
     write_3mf,
 )
-from jld_cut.partitions import Asked, Bounds, Boxes, Layouts, Ways, connected_sets, frames, search, strongest
+from jld_cut.partitions import Bounds, Boxes, Layouts, Partitions, SearchGoal, connected_sets, frames, search, strongest
 from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
 from jld_cut.scene import Matter, Region, Setting, outside, parse_load, scene_of, shares
-from jld_cut.search import Family, Truth, body_of, family_of
+from jld_cut.search import Family, FineModel, body_of, family_of
 from jld_explore import ExploreSettings, explore
 
 DOWN = ("0,0,-1000",)
@@ -482,7 +482,7 @@ def test_all_layouts_of_a_row_of_cells(
     assert max((one.bit_count() for one in sets), default=0) == min(most, 8)
     for parts, expected in enumerate(number, 1):
         solver = _Listing()
-        found = strongest(Ways(sets, 8), parts, solver, 5.0, asked_for(60.0), 10_000)
+        found = strongest(Partitions(sets, 8), parts, solver, 5.0, goal_of(60.0), 10_000)
         rows = {tuple(row) for row in solver.rows}
         assert len(rows) == len(solver.rows) == found.solved
         assert found.complete
@@ -508,8 +508,8 @@ class _Listing:
         return np.full(len(blocks), np.inf)
 
 
-def asked_for(seconds: float, require: float = 1.0, most: int = 3, alike: int | None = None) -> Asked:
-    return Asked(require, most, time.time() + seconds, time.time() + seconds, alike)
+def goal_of(seconds: float, require: float = 1.0, most: int = 3, alike: int | None = None) -> SearchGoal:
+    return SearchGoal(require, most, time.time() + seconds, time.time() + seconds, alike)
 
 
 @pytest.mark.parametrize(("turn", "fits"), [(0.0, True), (30.0, True), (45.0, True), (82.5, True)])
@@ -528,7 +528,7 @@ def test_all_layouts_prove_what_the_exact_driver_proves(tmp_path: Path) -> None:
     family = family_of("grid", "bench", body_of(bench(), wish), wish)
     assert family is not None
     end = time.time() + 60
-    found = search(family.document, family.boxes(), family.around, wish.limits, [], Asked(1.0, 3, end, end))
+    found = search(family.document, family.boxes(), family.around, wish.limits, [], SearchGoal(1.0, 3, end, end))
     fewest = next(n for n, one in sorted(found.of.items()) if len(one.low))
     limits = {"block_extent": [None, 0.95], "blocks": [None, fewest]}
     document = family.document | {"search": limits}
@@ -538,7 +538,7 @@ def test_all_layouts_prove_what_the_exact_driver_proves(tmp_path: Path) -> None:
     assert found.of[fewest].low[0] == pytest.approx(proven.summary.best, rel=1e-5)
     assert found.bound(fewest) == pytest.approx(proven.summary.best, rel=1e-5)
     # two shapes at most: the layouts of the symmetric bench are among all
-    alike = search(family.document, family.boxes(), family.around, wish.limits, [], Asked(1.0, 4, end, end, 1))
+    alike = search(family.document, family.boxes(), family.around, wish.limits, [], SearchGoal(1.0, 4, end, end, 1))
     assert all(one.solved <= found.of[n].solved for n, one in alike.of.items() if n in found.of)
     for one in alike.of.values():
         for block in one.blocks:
@@ -567,13 +567,13 @@ def test_bounds_of_branches_hold_for_all_layouts(cells: int, fit: float, parts: 
     sets = connected_sets(family.boxes(), family.around, wish.limits, [], time.time() + 60)
     solver, everything = Bounds(family.document), np.ones((1, count), dtype=bool)
     whole = float(solver.relaxed(np.zeros((1, count), dtype=np.int64), everything)[0])
-    known = strongest(Ways(sets, count), parts, _Unpruned(family.document), np.inf, asked_for(60.0), 10**6)
+    known = strongest(Partitions(sets, count), parts, _Unpruned(family.document), np.inf, goal_of(60.0), 10**6)
     assert known.complete
     assert known.solved == solved
     assert known.low[0] <= whole * (1 + 1e-6)
     assert bool(known.low[0] > solver(np.zeros((1, count), dtype=np.int64))[1][0]) is above
     for number in (1, 20, 100, 10**6):
-        found = strongest(Ways(sets, count), parts, solver, whole, asked_for(60.0), number)
+        found = strongest(Partitions(sets, count), parts, solver, whole, goal_of(60.0), number)
         assert known.low[0] * (1 - 1e-6) <= found.high <= whole * (1 + 1e-6)
         assert not found.complete or found.low[0] == pytest.approx(known.low[0], rel=1e-5)
     assert found.complete
@@ -587,7 +587,7 @@ def test_a_box_that_holds_many_cells_has_a_layout(solid: Any, fit: float, parts:
     family = family_of("grid", "cube", body_of(solid, wish), wish)
     assert family is not None
     end = time.time() + 60
-    found = search(family.document, family.boxes(), family.around, wish.limits, [], Asked(1.0, 3, end, end))
+    found = search(family.document, family.boxes(), family.around, wish.limits, [], SearchGoal(1.0, 3, end, end))
     assert found.joined
     assert min(n for n, one in found.of.items() if len(one.low)) == parts
     assert not found.proven(parts)
@@ -602,7 +602,7 @@ def test_a_search_without_time_has_a_layout(together: list[int]) -> None:
     family = family_of("grid", "block", body_of(box(2, 1, 1), wish), wish)
     assert family is not None
     boxes, count = family.boxes(), len(family.around)
-    found = search(family.document, boxes, family.around, wish.limits, together, asked_for(-1.0, most=24))
+    found = search(family.document, boxes, family.around, wish.limits, together, goal_of(-1.0, most=24))
     stands = {n: one for n, one in found.of.items() if len(one.low)}
     assert 2 <= min(stands) <= 4
     for number, one in stands.items():
@@ -791,10 +791,10 @@ def test_a_part_within_another_is_named() -> None:
     assert family is not None
     middles = np.array([np.array(one.bounding_box()).reshape(2, 3).mean(axis=0) for one in family.cutting.cells])
     core = np.abs(middles - 1.5).max(axis=1) < 0.1
-    truth = Truth(family, wish.setting)
-    assert truth.order(core.astype(np.int64), 60.0) is False
-    assert int(np.flatnonzero(core)[0]) in truth.locking(core.astype(np.int64), 60.0)
-    assert len(truth.order(np.where(core, 1, np.where(middles[:, 2] > 2.0, 2, 0)), 60.0).steps) == 3
+    fine = FineModel(family, wish.setting)
+    assert fine.order(core.astype(np.int64), 60.0) is False
+    assert int(np.flatnonzero(core)[0]) in fine.locking(core.astype(np.int64), 60.0)
+    assert len(fine.order(np.where(core, 1, np.where(middles[:, 2] > 2.0, 2, 0)), 60.0).steps) == 3
 
 
 def test_layouts_that_go_together_come_first() -> None:
@@ -814,7 +814,7 @@ def test_layouts_that_go_together_come_first() -> None:
         ({0: False, 1: False, 2: None, 3: False}, [2]),
         (dict.fromkeys(range(4), False), [0]),
     ):
-        family = SimpleNamespace(truth=Orders(known))
+        family = SimpleNamespace(fine=Orders(known))
         found = list(sys.modules["jld_cut.cut"]._to_judge(family, rows, time.time() + 60.0))
         assert [int(block[0]) for block, _ in found] == expected
 
@@ -829,9 +829,9 @@ def test_a_part_with_a_hook_slides_out() -> None:
     cutting.planes.append(np.array([0, 0, 1, 1.5]))
     joints = cutting.tidy(wish.limits)
     document = scene_of("rail", cutting, joints, wish.setting, BENT, cutting.planes)
-    truth = Truth(Family("grid", cutting, joints, document, []), wish.setting)
-    assert truth.convex
-    steps = truth.order(np.array([0, 1]), 60.0).steps
+    fine = FineModel(Family("grid", cutting, joints, document, []), wish.setting)
+    assert fine.convex
+    steps = fine.order(np.array([0, 1]), 60.0).steps
     assert abs(steps[-1].direction @ [0, 1, 0]) == pytest.approx(1.0)
 
 
@@ -952,9 +952,9 @@ def test_a_key_turns_sliding_into_shear_or_tipping(shear: float, kind: str, expe
     wish, pillar = options.wish(), box(1, 1, 2)
     family = family_of("grid", "pillar", body_of(pillar, wish), wish)
     assert family is not None
-    family.truth = Truth(family, wish.setting)
+    family.fine = FineModel(family, wish.setting)
     block = np.array([float(cell.bounding_box()[5]) > 1.5 for cell in family.cutting.cells]).astype(np.int64)
-    plain = family.truth.solve(block)[0]
+    plain = family.fine.solve(block)[0]
     assert plain == pytest.approx(weight * np.tan(np.radians(20.0)) / 1e3, rel=1e-5)
     found = slides(family, block, np.tan(np.radians(20.0)))
     assert len(found) == 1
@@ -962,7 +962,7 @@ def test_a_key_turns_sliding_into_shear_or_tipping(shear: float, kind: str, expe
     made = next(one for one in variants(family, block, found, wish.setting, 0.0) if one.keys[0].kind == kind)
     assert made.keys[0].told() == f"{kind} of part 1 into 2"
     assert made.bracket[0] == pytest.approx(expected(weight) / 1e3, rel=1e-5)
-    assert len(made.family.truth.order(made.block, 60.0).steps) == 2
+    assert len(made.family.fine.order(made.block, 60.0).steps) == 2
     parts = parts_of(made.family.cutting.cells, made.block, made.family.joints, 2400.0, 0.002)
     assert are_sound(parts, 1.0)
     assert all(lay(part, wish.limits.fit) for part in parts)
@@ -980,16 +980,18 @@ def test_no_key_where_nothing_slides_or_none_is_sound() -> None:
         wish, pillar = options.wish(), box(wide, 1, 2)
         family = family_of("grid", "pillar", body_of(pillar, wish), wish)
         assert family is not None
-        family.truth = Truth(family, wish.setting)
+        family.fine = FineModel(family, wish.setting)
         block = np.array([float(cell.bounding_box()[5]) > 1.5 for cell in family.cutting.cells]).astype(np.int64)
-        low = family.truth.solve(block)[0]
+        low = family.fine.solve(block)[0]
         made = keyed(family, block, low, wish.setting, lambda _, sound=sound: sound)
         assert (0 if made is None else len(made.keys)) == number
 
 
 @pytest.mark.long
 def test_a_cut_names_its_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.modules["jld_cut.cut"], "_begun", lambda *_: None)  # they take what time there is
+    monkeypatch.setattr(
+        sys.modules["jld_cut.cut"], "_start_field_bounds", lambda *_: None
+    )  # they take what time there is
     push = ("1000,0,0@-0.1,0,1,0.1,1,2",)
     options = Options((1.25,) * 3, push, require=0.1, families=("grid",), cells=2, seconds=300.0, clearance=0.002)
     options = replace(options, matter=replace(options.matter, friction_angle=20.0))

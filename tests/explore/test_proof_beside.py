@@ -70,7 +70,7 @@ def test_the_exact_driver_beside_a_search_evaluates_load_cases() -> None:
     assert proof.driver is not None
     assert proof.driver.finished
     assert proof.driver.bound is not None
-    assert proof.found.low == pytest.approx(proof.driver.bound, rel=1e-5)
+    assert proof.status.low == pytest.approx(proof.driver.bound, rel=1e-5)
 
 
 def test_a_space_without_a_bound_says_so(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ def space_of(document: dict[str, Any]) -> SearchSpace:
 
 def bonds(space: SearchSpace, labellings: Any) -> tuple[Any, Any]:
     start = StandingStart(space, lambda own: DRIVERS["random"](own, 0))
-    assert start._made() is not None
+    assert start._make_driver() is not None
     return start._bonds(labellings)
 
 
@@ -103,7 +103,7 @@ def test_nothing_is_looked_at_where_layouts_stand() -> None:
     assert driver.standing_start._driver is None
     pushed = {"live": [{"element": "c0r0", "force": [1, 0]}]}
     weightless = space_of({**DOCUMENT, "loads": pushed, "materials": {**DOCUMENT["materials"], "density": 0}})
-    assert StandingStart(weightless, lambda own: DRIVERS["random"](own, 0))._made() is None
+    assert StandingStart(weightless, lambda own: DRIVERS["random"](own, 0))._make_driver() is None
 
 
 def test_portions_of_answers_do_not_matter() -> None:

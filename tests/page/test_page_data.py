@@ -24,8 +24,6 @@ from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.report import columns as columns_of_report
 from jld_explore.space import from_string
 from jld_views import page_contract, page_data, page_of_study, quantities
-from jld_views import page_data as joined
-from jld_views import page_data as page_table
 
 page_schema = cache(page_contract.page_schema)
 
@@ -141,7 +139,7 @@ def test_titles_and_units_of_columns(tmp_path: Path) -> None:
 def test_edges_and_faces_together_are_the_outlines() -> None:
     """The pieces of outline that touch nothing, with the faces, are as long as all outlines together."""
     assembly = build_assembly(load_scene(SCENES / "flat_beam_arch.json"))
-    found = page_table.structure_of(assembly, assembly.free_faces)
+    found = page_data.structure_of(assembly, assembly.free_faces)
     bare = sum(float(np.hypot(*np.subtract(edge["to"], edge["from"]))) for edge in found["edges"])
     free = assembly.elements.free
     shapes = [assembly.elements.shape[k] for k in free]
@@ -176,7 +174,7 @@ def test_twenty_thousand_layouts_stay_below_five_megabytes() -> None:
     """Rows as long as those of a wall of 100 cells, with brackets that share no digits."""
     rng = np.random.default_rng(1)
     assembly = build_assembly(parse_scene(small_scene(rows=["a" * 10] * 10 + ["#" * 10])))
-    rows, faces = page_table.MOST + 500, len(assembly.interfaces)
+    rows, faces = page_data.MOST + 500, len(assembly.interfaces)
     value = np.sort(rng.random(rows))[::-1] * 10
     letters = np.where(rng.random((rows, faces)) < 0.4, "d", "i")
     results = pd.DataFrame(
@@ -199,12 +197,12 @@ def test_twenty_thousand_layouts_stay_below_five_megabytes() -> None:
         }
     )
     front = results.iloc[[0, rows - 1]].assign(evidence="found")
-    kept = page_table.chosen_rows(results, front)
-    assert len(kept) == page_table.MOST + 1
-    table = page_table.table_of(kept, front, assembly, axes=[("dry_faces", "max")], left_out=rows - len(kept))
+    kept = page_data.chosen_rows(results, front)
+    assert len(kept) == page_data.MOST + 1
+    table = page_data.table_of(kept, front, assembly, axes=[("dry_faces", "max")], left_out=rows - len(kept))
     assert table["evidence"][-1] == "found"
-    solution = page_table.solution_of(solve(assembly))
-    data = page_data(
+    solution = page_data.solution_of(solve(assembly))
+    data = page_data.page_data(
         kind="report",
         scene=parse_scene(small_scene()),
         assembly=assembly,
@@ -214,9 +212,9 @@ def test_twenty_thousand_layouts_stay_below_five_megabytes() -> None:
         solutions=dict.fromkeys(range(60), solution),
     )
     # one row is checked as well as twenty thousand, which take five seconds
-    short = page_table.table_of(kept.tail(1), front, assembly, axes=[("dry_faces", "max")], left_out=rows - 1)
+    short = page_data.table_of(kept.tail(1), front, assembly, axes=[("dry_faces", "max")], left_out=rows - 1)
     check({**data, "table": short})
-    assert len(joined.page(data).encode()) < 5_000_000
+    assert len(page_data.page(data).encode()) < 5_000_000
 
 
 def test_rounding_keeps_digits_and_writes_null_for_nan() -> None:
@@ -231,16 +229,16 @@ def test_modules_that_import_one_another_in_a_circle_are_refused(monkeypatch: py
         "a.js": 'import { b } from "./b.js";\nexport const a = 1;\n',
         "b.js": 'import { a } from "./a.js";\nexport const b = 1;\n',
     }
-    monkeypatch.setattr(joined, "asset", texts.__getitem__)
+    monkeypatch.setattr(page_data, "asset", texts.__getitem__)
     with pytest.raises(ValueError, match=r"a\.js → b\.js → a\.js"):
-        joined.linked("a.js")
+        page_data.linked("a.js")
 
 
 def test_a_module_that_would_end_its_script_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(joined, "asset", lambda name: 'export const a = "</script>";\n')
+    monkeypatch.setattr(page_data, "asset", lambda name: 'export const a = "</script>";\n')
     with pytest.raises(ValueError, match="would end its script"):
-        joined.linked("a.js")
+        page_data.linked("a.js")
 
 
 def test_braces_in_a_title_are_no_places_of_the_template() -> None:
-    assert joined.filled("{{title}} {{data}}", {"title": "{{data}}", "data": "x"}) == "{{data}} x"
+    assert page_data.filled("{{title}} {{data}}", {"title": "{{data}}", "data": "x"}) == "{{data}} x"

@@ -52,9 +52,9 @@ def check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
     """Return the search space of a scene; InputError for an impossible search."""
     from jld_explore.space.search_space import search_space
 
-    asked = "search" in scene.model_fields_set
+    has_search = "search" in scene.model_fields_set
     with error_context(path):
-        return search_space(scene, assembly, allow_empty=not asked, need_materials=asked)
+        return search_space(scene, assembly, allow_empty=not has_search, need_materials=has_search)
 
 
 def check(scene: SceneFile, strict: Strict = False) -> None:
@@ -88,39 +88,39 @@ def verify_command(
 
     Print the proven bound. The exit code is 2, with the first reason that does not hold, if the certificate is wrong.
     """
-    given = None if scene is None else load_scene(scene)
+    parsed = None if scene is None else load_scene(scene)
     box = plugins.part("box_certificate")
     if box.is_box_certificate(certificate):
-        proven = box.verify_box(certificate, given)
+        proven = box.verify_box(certificate, parsed)
         say(json.dumps(box.box_facts(proven), indent=1) if as_json else box.box_words(proven))
         return
-    done = verify(certificate, given)
-    say(json.dumps(facts(done), indent=1) if as_json else words(done))
+    verified = verify(certificate, parsed)
+    say(json.dumps(facts(verified), indent=1) if as_json else words(verified))
 
 
-def facts(done: Verified) -> dict[str, object]:
+def facts(verified: Verified) -> dict[str, object]:
     """Return the outcome of a successful check of a certificate as JSON data."""
-    claim = done.claim
+    claim = verified.claim
     return {
-        "scene": done.scene.name,
+        "scene": verified.scene.name,
         "bound": claim.bound,
         "found": claim.load_factor,
         "labelling": claim.labelling,
-        "mechanisms": done.mechanisms,
-        "rules": done.rules,
-        "lemmas": done.lemmas,
-        "bytes": done.size,
-        "seconds": done.seconds,
+        "mechanisms": verified.mechanisms,
+        "rules": verified.rules,
+        "lemmas": verified.lemmas,
+        "bytes": verified.size,
+        "seconds": verified.seconds,
     }
 
 
-def words(done: Verified) -> str:
+def words(verified: Verified) -> str:
     """Describe the outcome of a successful check of a certificate for the terminal."""
-    claim = done.claim
+    claim = verified.claim
     lines = [
-        f"verified: no labelling of {done.scene.name!r} carries more than λ = {claim.bound:.9g}",
-        f"  by {done.mechanisms} mechanisms, {done.rules} rules of a segmentation and {done.lemmas} lemmas",
-        f"  in {done.size / 1e3:.0f} kB, checked in {done.seconds:.2f} s",
+        f"verified: no labelling of {verified.scene.name!r} carries more than λ = {claim.bound:.9g}",
+        f"  by {verified.mechanisms} mechanisms, {verified.rules} rules of a segmentation and {verified.lemmas} lemmas",
+        f"  in {verified.size / 1e3:.0f} kB, checked in {verified.seconds:.2f} s",
     ]
     if claim.load_factor is not None:
         lines.append(f"  found (by the search; not part of what is checked): λ = {claim.load_factor:.9g}")

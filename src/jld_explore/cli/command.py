@@ -27,16 +27,16 @@ _FUNCTIONS: Final = {
 }
 
 
-def _guarded(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
+def _guard(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(command)
-    def called(*given: Any, **named: Any) -> Any:
+    def guarded(*arguments: Any, **keywords: Any) -> Any:
         with plugins.guarded("jld.commands", name):
-            return command(*given, **named)
+            return command(*arguments, **keywords)
 
-    return called
+    return guarded
 
 
-def _imported(name: str) -> Any:
+def _import_command(name: str) -> Any:
     if name in _FUNCTIONS:
         module, function = _FUNCTIONS[name]
         command = getattr(import_module(f"jld_explore.cli.{module}"), function)
@@ -49,10 +49,10 @@ def _imported(name: str) -> Any:
     else:
         return None
     if name not in _FUNCTIONS:
-        command = _guarded(name, command)
-    one = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    one.command(name=name, cls=_Command)(command)
-    return typer.main.get_command(one)
+        command = _guard(name, command)
+    group = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    group.command(name=name, cls=_Command)(command)
+    return typer.main.get_command(group)
 
 
 class _Command(TyperCommand):
@@ -60,10 +60,10 @@ class _Command(TyperCommand):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         groups: dict[str, list[Any]] = {"Arguments": [], "Options": []}
-        for one in self.get_params(ctx):
-            if (row := one.get_help_record(ctx)) is not None:
-                kind = "Arguments" if one.param_type_name == "argument" else "Options"
-                groups.setdefault(getattr(one, "rich_help_panel", None) or kind, []).append(row)
+        for parameter in self.get_params(ctx):
+            if (row := parameter.get_help_record(ctx)) is not None:
+                default_heading = "Arguments" if parameter.param_type_name == "argument" else "Options"
+                groups.setdefault(getattr(parameter, "rich_help_panel", None) or default_heading, []).append(row)
         for heading, rows in groups.items():
             if rows:
                 with formatter.section(heading):
@@ -78,7 +78,7 @@ class _Group(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         try:
-            return _imported(cmd_name)
+            return _import_command(cmd_name)
         finally:
             if not gc.isenabled():  # `jld_explore.__main__` disables it while modules load
                 gc.freeze()
@@ -98,8 +98,8 @@ app = typer.Typer(
 )
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(asked_for: bool) -> None:
+    if asked_for:
         from jld_core.batch.library import described as kernel_in_use
 
         say(f"jld {__version__}, {kernel_in_use()}")

@@ -28,10 +28,8 @@ _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__na
 # Signals that stop a search; SIGHUP (closed terminal) does not exist on every system
 _SIGNALS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 
-
 # Time after a signal in which others are ignored, s: the second Ctrl-C of an impatient user left no page
 _WRITING: Final = 10.0
-
 _INTERRUPTED: Final = 130  # exit code that typer returns for KeyboardInterrupt
 
 # A parameter, with or without a value, in the message of an error: `friction="zero-dilation"`
@@ -78,22 +76,22 @@ def usage_of(message: str) -> str:
     """Convert a usage error of the command-line parser to one line."""
     # The line names the option, the given value and the expected value; a message of another form is kept.
     text = " ".join(message.split()).rstrip(".")
-    found = re.match(r"Invalid value for '([^']+)': (?:Value error, )?(?:Input should be )?(.*)", text)
-    if found is None:
+    invalid = re.match(r"Invalid value for '([^']+)': (?:Value error, )?(?:Input should be )?(.*)", text)
+    if invalid is None:
         command = f"jld {sys.argv[1]}" if len(sys.argv) > 1 and sys.argv[1] in COMMANDS else "jld"
         unknown = _UNKNOWN.match(text)
         if unknown is None:
             return f"{text}; expected what {command} --help lists"
-        meant = unknown["meant"] or next(iter(get_close_matches(unknown["name"], COMMANDS, 1)), None)
-        remedy = f"{meant}, or another that" if meant else "what"
+        nearest = unknown["meant"] or next(iter(get_close_matches(unknown["name"], COMMANDS, 1)), None)
+        remedy = f"{nearest}, or another that" if nearest else "what"
         return f"no {unknown['kind']} is named {unknown['name']}; expected {remedy} {command} --help lists"
-    option, wish = found.groups()
+    option, wish = invalid.groups()
     wish = wish.partition(", unable to parse")[0].replace("a valid number", "a number")
     wish = re.sub("^.* is not one of ", "one of ", wish)
     wish = re.sub("^(greater|less) than", r"a number \1 than", wish).replace("a valid integer", "a whole number")
-    given = [b for a, b in itertools.pairwise(sys.argv) if a == option]
-    given += [a.partition("=")[2] for a in sys.argv if a.startswith(f"{option}=")]
-    return f"{option}: {given[0] if given else 'the value'!r} is wrong; expected {wish}"
+    values = [b for a, b in itertools.pairwise(sys.argv) if a == option]
+    values += [a.partition("=")[2] for a in sys.argv if a.startswith(f"{option}=")]
+    return f"{option}: {values[0] if values else 'the value'!r} is wrong; expected {wish}"
 
 
 def flag_of(parameter: str) -> str:
@@ -104,8 +102,8 @@ def flag_of(parameter: str) -> str:
 def with_flags(words: str) -> str:
     """Return words with command-line flags for the parameters in them: "--friction zero-dilation"."""
 
-    def flag(found: re.Match[str]) -> str:
-        name, value = found["name"], (found["value"] or "").strip("\"'")
+    def flag(parameter: re.Match[str]) -> str:
+        name, value = parameter["name"], (parameter["value"] or "").strip("\"'")
         if value in ("", "True"):
             return flag_of(name)
         return f"no {flag_of(name)}" if value == "False" else f"{flag_of(name)} {value}"

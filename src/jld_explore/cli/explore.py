@@ -24,7 +24,7 @@ from jld_explore import Exploration, explore
 from jld_explore.cli.ending import raise_on_signals
 from jld_explore.cli.options import AsJson, Option, SceneFile, refuse_itself, setting_options, with_cracks, with_options
 from jld_explore.cli.streams import say
-from jld_explore.drivers.choice import driver_kinds, owners
+from jld_explore.drivers.choice import driver_kinds, drivers_with
 from jld_explore.report import words
 from jld_explore.report.folder import check_folder
 from jld_explore.report.words import speed
@@ -54,19 +54,19 @@ MoveBest = Annotated[
 ]
 
 
-def driver_options(taken: Collection[str]) -> dict[str, Option]:
+def driver_options(other_options: Collection[str]) -> dict[str, Option]:
     """Return the options of all search drivers, texts or None: the drivers state them and validate their values."""
-    kinds = {name: list(owners(name)) for kind in driver_kinds().values() for name in kind.Options.model_fields}
-    found = {}
+    kinds = {name: list(drivers_with(name)) for kind in driver_kinds().values() for name in kind.Options.model_fields}
+    options = {}
     for name, drivers in kinds.items():
-        if name in taken:
+        if name in other_options:
             remedy = f"other options than {name!r}, which every search has"
             raise plugins.refuse_type("jld.drivers", drivers[0].name, remedy)
         spoken = " and ".join(sorted(kind.name for kind in drivers))
         field = drivers[0].Options.model_fields[name]
         words = f"{spoken.capitalize()} driver{'s' * (len(drivers) > 1)}: {field.description}."
-        found[name] = (Annotated[str | None, typer.Option(help=words, rich_help_panel="Options of a driver")], None)
-    return found
+        options[name] = (Annotated[str | None, typer.Option(help=words, rich_help_panel="Options of a driver")], None)
+    return options
 
 
 class ProgressBar:
@@ -97,26 +97,26 @@ class ProgressBar:
     ) -> None:
         self._bar.stop()
 
-    def __call__(self, now: state.Progress) -> None:
-        best = "no λ yet" if math.isnan(now.best) else f"best λ {now.best:.6g}"
-        if math.isfinite(now.bound):
-            best += f" ≤ {now.bound:.6g}"
-        if math.isfinite(now.gap):
-            best += f", gap {now.gap:.2%}"
-        rates = speed(now.solved / now.seconds if now.seconds > 0.0 else None).lstrip(", ")
-        left = _time_left(now)
-        self._bar.update(self._task, completed=now.done, total=now.total, rate=rates, best=best, left=left)
+    def __call__(self, progress: state.Progress) -> None:
+        best = "no λ yet" if math.isnan(progress.best) else f"best λ {progress.best:.6g}"
+        if math.isfinite(progress.bound):
+            best += f" ≤ {progress.bound:.6g}"
+        if math.isfinite(progress.gap):
+            best += f", gap {progress.gap:.2%}"
+        rates = speed(progress.solved / progress.seconds if progress.seconds > 0.0 else None).lstrip(", ")
+        left = _time_left(progress)
+        self._bar.update(self._task, completed=progress.done, total=progress.total, rate=rates, best=best, left=left)
 
 
-def _time_left(now: state.Progress) -> str:
+def _time_left(progress: state.Progress) -> str:
     """Return in words how long a search goes on at most; "" if nothing is known."""
-    rest = now.seconds * (now.total - now.done) / now.done if now.total and now.done else math.inf
-    left = min(rest, now.left)
-    return f"{left:.0f} s left" if math.isfinite(left) else ""
+    seconds, done = progress.left, progress.done
+    if progress.total and done:
+        seconds = min(seconds, progress.seconds * (progress.total - done) / done)
+    return f"{seconds:.0f} s left" if math.isfinite(seconds) else ""
 
 
-_JOBS = 16  # Largest number of worker processes per core.
-
+_MOST_JOBS_PER_CORE = 16  # Largest number of worker processes per core.
 
 # What `SolveOptions` says besides is a matter of the objective
 _MODEL: Final = ("contact", "effective_area", "inner_bending", "condense", "solver", "gap")
@@ -142,10 +142,10 @@ _SEARCH: Final = (
     | setting_options(OutputSettings, group="Files")
     | {"pictures": (_AllPictures, False)}
 )
-_OWN: Final = driver_options({*_SEARCH, "scene", "out", "objective", "move", "as_json"})
+_DRIVER_OPTIONS: Final = driver_options({*_SEARCH, "scene", "out", "objective", "move", "as_json"})
 
 
-@with_options(_SEARCH | _OWN)
+@with_options(_SEARCH | _DRIVER_OPTIONS)
 def explore_command(
     context: typer.Context,
     scene: SceneFile,
@@ -159,7 +159,7 @@ def explore_command(
     pictures: bool,
     resume: bool,
     certificate: Path | None,
-    **given: Any,
+    **values: Any,
 ) -> None:
     """Search the layouts of a scene for the strongest, and write a folder of results.
 
@@ -170,20 +170,20 @@ def explore_command(
     check_folder(out, resume)
     if certificate is not None:
         refuse_itself(scene, certificate)
-    most = _JOBS * (os.cpu_count() or 1)
+    most = _MOST_JOBS_PER_CORE * (os.cpu_count() or 1)
     if jobs is not None and jobs > most:
         raise ParameterError("jobs", f"{jobs} processes are too many", f"at most {most} on this machine")
     raise_on_signals()
-    model = SolveOptions(**{name: given.pop(name) for name in _MODEL})
-    own = {name: given.pop(name) for name in _OWN}
+    model = SolveOptions(**{name: values.pop(name) for name in _MODEL})
+    driver_values = {name: values.pop(name) for name in _DRIVER_OPTIONS}
     settings = ExploreSettings(
         model=model,
-        options=own,
+        options=driver_values,
         jobs=jobs or os.cpu_count() or 1,
         resume=resume,
         certificate=certificate,
         pictures="all" if pictures else True,
-        **given,
+        **values,
     ).maximising(objective)
     announce = None if as_json else say
     if move is not None:
@@ -191,14 +191,14 @@ def explore_command(
         return
     try:
         with ProgressBar(parsed.name) as bar, error_context(scene, str(out)):
-            done = explore(parsed, out, settings, bar, announce, started=context.obj)
+            exploration = explore(parsed, out, settings, bar, announce, started=context.obj)
     except Interrupted as stop:
         if stop.done is None:
             stop.words = "stopped before the search began"
         else:
             _say_found(stop.done, as_json)
         raise
-    _say_found(done, as_json)
+    _say_found(exploration, as_json)
 
 
 def _move(
@@ -208,19 +208,19 @@ def _move(
     search = plugins.part("moved_search")
     with error_context(source, str(out)):
         try:
-            done = search.explore_and_move(parsed, out, layouts, settings, None if as_json else say, started=started)
+            moved = search.explore_and_move(parsed, out, layouts, settings, None if as_json else say, started=started)
         except Interrupted as stop:
             if isinstance(stop.done, search.MovedSearch):
                 search.write_moved(stop.done, out, pictures=bool(settings.pictures))
                 stop.words = f"stopped; the best so far is in {out}"
             raise
-        facts = search.write_moved(done, out, pictures=bool(settings.pictures))
+        facts = search.write_moved(moved, out, pictures=bool(settings.pictures))
     if as_json:
-        say(json.dumps({**done.first.summary.to_json(), "moved": facts}, indent=1))
+        say(json.dumps({**moved.first.summary.to_json(), "moved": facts}, indent=1))
         return
-    _say_found(done.first, as_json)
+    _say_found(moved.first, as_json)
     say(search.words_of_move(facts))
 
 
-def _say_found(done: Exploration, as_json: bool) -> None:
-    say(json.dumps(done.summary.to_json(), indent=1) if as_json else words.exploration(done))
+def _say_found(exploration: Exploration, as_json: bool) -> None:
+    say(json.dumps(exploration.summary.to_json(), indent=1) if as_json else words.exploration(exploration))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
@@ -14,9 +14,6 @@ from jld_core.limit.options import Model
 from jld_core.scene.reading import load_scene
 from jld_core.scene.schema import Scene
 from jld_explore.cli.streams import remark
-
-if TYPE_CHECKING:
-    pass
 
 
 def best_of_design(source: Path) -> Path:
@@ -41,26 +38,27 @@ def layout_of(source: Path, rank: int | None, *, uncertain: bool = False) -> Lai
     if source.is_dir():
         from jld_explore.report.reading import read_folder
 
-        done = read_folder(source)
-        layout = done.layout(rank)
-        found = LaidOut(done.scene, layout.assembly, layout.labels, done.model)
+        exploration = read_folder(source)
+        layout = exploration.layout(rank)
+        laid_out = LaidOut(exploration.scene, layout.assembly, layout.labels, exploration.model)
     else:
         if rank is not None:
             raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
         scene = load_scene(source)
         with error_context(source):
             assembly = build_assembly(scene)
-        found = LaidOut(scene, assembly, assembly.labels, Model())
-    # left out: a word on plausibility, for the commands that judge it, and on means where they do not stand
-    left_out = (*not_judged(found.scene), *(noted_means(found.scene) if uncertain else ()))
-    for note in (one for one in found.assembly.notes if one not in left_out):
-        remark(f"jld: note: {source}: {note}")
-    return found
+        laid_out = LaidOut(scene, assembly, assembly.labels, Model())
+    # a word on plausibility is for the commands that judge it, one on means for those that read them alone
+    not_said = (*not_judged(laid_out.scene), *(noted_means(laid_out.scene) if uncertain else ()))
+    for note in laid_out.assembly.notes:
+        if note not in not_said:
+            remark(f"jld: note: {source}: {note}")
+    return laid_out
 
 
-def require_whole_faces(model: Model, what: str) -> None:
+def require_whole_faces(model: Model, command: str) -> None:
     """Raise InputError for a model beyond associative friction on whole faces."""
     for name, value in model.beyond_whole_faces.items():
-        shown = str(value).lower() if isinstance(value, bool) else value
-        problem = f"the search in this folder had {name.replace('_', ' ')} {shown}, and {what} knows no such model"
+        written = str(value).lower() if isinstance(value, bool) else value
+        problem = f"the search in this folder had {name.replace('_', ' ')} {written}, and {command} knows no such model"
         raise InputError("model", problem, "a folder of a search without it, or jld solve")

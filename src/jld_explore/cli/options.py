@@ -58,29 +58,29 @@ READING: Final[dict[str, Option]] = {
 """Options of commands that read drawings and solids, by the names of `ImportOptions`."""
 
 
-def of_reading(given: Mapping[str, Any]) -> dict[str, Any]:
+def of_reading(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of `READING` as `ImportOptions` takes them: layers in tuples."""
     return {
-        name: tuple(given[name] or ()) if get_args(hint)[0] == list[str] | None else given[name]
+        name: tuple(values[name] or ()) if get_args(hint)[0] == list[str] | None else values[name]
         for name, (hint, _) in READING.items()
-        if name in given
+        if name in values
     }
 
 
 def setting_options(kind: type, *names: str, group: str | None = None) -> dict[str, Option]:
     """Return options for the fields that `setting` states, or those named; group: their heading in the help."""
-    hints, found = get_type_hints(kind), {}
-    for one in fields(kind):
-        if "words" not in one.metadata or (names and one.name not in names):
+    hints, options = get_type_hints(kind), {}
+    for field in fields(kind):
+        if "words" not in field.metadata or (names and field.name not in names):
             continue
-        limits = {key: value for key, value in one.metadata.items() if key != "words"}
-        parts = get_args(hints[one.name])
+        limits = {key: value for key, value in field.metadata.items() if key != "words"}
+        parts = get_args(hints[field.name])
         # what is a name on the command line may be an object in Python
-        hint = (str | None if NoneType in parts else str) if str in parts else hints[one.name]
-        words = with_flags(one.metadata["words"])
-        option = typer.Option(flag_of(one.name), help=words, rich_help_panel=group, **limits)
-        found[one.name] = (Annotated[hint, option], one.default)
-    return found
+        hint = (str | None if NoneType in parts else str) if str in parts else hints[field.name]
+        words = with_flags(field.metadata["words"])
+        option = typer.Option(flag_of(field.name), help=words, rich_help_panel=group, **limits)
+        options[field.name] = (Annotated[hint, option], field.default)
+    return options
 
 
 def with_options(
@@ -89,19 +89,20 @@ def with_options(
     """Return a decorator of a command that adds options, which it gets as further keywords; last, or `before` one."""
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        known = inspect.signature(command).parameters.items()
-        stated = {name: one for name, one in known if one.kind is not one.VAR_KEYWORD and name not in options}
+        parameters = inspect.signature(command).parameters.values()
+        existing = [p for p in parameters if p.kind is not p.VAR_KEYWORD and p.name not in options]
         hints = get_type_hints(command, include_extras=True)
-        types = {name: hints[name] for name in stated} | {name: hint for name, (hint, _) in options.items()}
+        types = {p.name: hints[p.name] for p in existing} | {name: hint for name, (hint, _) in options.items()}
+        position = [p.name for p in existing].index(before) if before else len(existing)
         keyword = inspect.Parameter.KEYWORD_ONLY
-        own = [one.replace(annotation=types[name], kind=keyword) for name, one in stated.items()]
-        at = list(stated).index(before) if before else len(own)
-        added = [inspect.Parameter(name, keyword, default=one[1], annotation=one[0]) for name, one in options.items()]
+        existing = [p.replace(annotation=types[p.name], kind=keyword) for p in existing]
+        added = [inspect.Parameter(name, keyword, default=default) for name, (_, default) in options.items()]
+        added = [p.replace(annotation=types[p.name]) for p in added]
 
-        def run(**given: Any) -> None:
-            command(**given)
+        def run(**values: Any) -> None:
+            command(**values)
 
-        run.__signature__ = inspect.Signature([*own[:at], *added, *own[at:]])  # type: ignore[attr-defined]
+        run.__signature__ = inspect.Signature([*existing[:position], *added, *existing[position:]])  # type: ignore[attr-defined]
         run.__annotations__, run.__doc__ = types, command.__doc__
         return run
 

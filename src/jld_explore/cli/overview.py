@@ -68,8 +68,8 @@ _EXAMPLE = """  jld new wall --length 1.2 --courses 6 -o wall.json
 
 def _additions(group: str) -> dict[str, str]:
     """Return what installed plug-ins add to a group, with the package of each."""
-    known = {name: plugins.package(one) for name, one in plugins.entry_points(group).items() if name not in COMMANDS}
-    return {name: f"of the package {package}" for name, package in known.items()}
+    packages = {name: plugins.package(one) for name, one in plugins.entry_points(group).items() if name not in COMMANDS}
+    return {name: f"of the package {package}" for name, package in packages.items()}
 
 
 def text() -> str:

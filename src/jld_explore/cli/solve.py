@@ -50,16 +50,16 @@ def with_rates(result: LimitAnalysisResult, *, asked: bool | None, vertices: boo
     """
     start = time.process_time()
     faces = len(result.assembly.interfaces)
-    wanted = faces <= _UNASKED if asked is None else asked
-    rates = {name: rate.to_json() for name, rate in sensitivities(result).items()} if wanted else {}
+    with_strengths = faces <= _UNASKED if asked is None else asked
+    rates = {name: rate.to_json() for name, rate in sensitivities(result).items()} if with_strengths else {}
     why = f"{faces} faces: ask for them with --sensitivities" if asked is None else "--no-sensitivities"
-    facts: dict[str, Any] = {"sensitivities": rates} if wanted else {"sensitivities": {"not_computed": why}}
+    facts: dict[str, Any] = {"sensitivities": rates} if with_strengths else {"sensitivities": {"not_computed": why}}
     if vertices:
-        moves = geometry_sensitivities(result, one_sided=wanted and faces <= _KINKS)
+        moves = geometry_sensitivities(result, one_sided=with_strengths and faces <= _KINKS)
         facts["geometry_sensitivities"] = None if moves is None else moves.to_json()
-    took = time.process_time() - start
+    seconds_of_rates = time.process_time() - start
     seconds = dict(result.seconds)
-    seconds |= {"sensitivities": took, "total": seconds.pop("total") + took}
+    seconds |= {"sensitivities": seconds_of_rates, "total": seconds.pop("total") + seconds_of_rates}
     return replace(result, facts=result.facts | facts, seconds=seconds)
 
 
@@ -70,8 +70,8 @@ def draw_rates(result: LimitAnalysisResult, out: Path) -> None:
     if rates is None:
         return
     views = part("views")
-    places, values = (np.array(rates[name], dtype=float) for name in ("vertices", "derivative"))
-    figure = views.moved_joints.figure_of_vertex_rates(result.assembly, result.labels, places, values)
+    vertices, values = (np.array(rates[name], dtype=float) for name in ("vertices", "derivative"))
+    figure = views.moved_joints.figure_of_vertex_rates(result.assembly, result.labels, vertices, values)
     views.figures.save_figure(figure, out / "vertices.png")
 
 
@@ -105,7 +105,7 @@ def solve(
     sensitivities: Sensitivities = None,
     geometric: Geometric = False,
     as_json: AsJson = False,
-    **given: Any,
+    **values: Any,
 ) -> None:
     """Compute the collapse load factor of one layout, with a two-sided bracket.
 
@@ -115,10 +115,10 @@ def solve(
     """
     if out is not None:
         require_folder(out)
-    Model(**given)  # before any file is read
-    own = not (scene.is_dir() or rank is not None)
-    laid = _laid_out(scene, rank, strict, own)
-    model = _model(laid.model, asked(context, given))
+    Model(**values)  # before any file is read
+    of_scene = not (scene.is_dir() or rank is not None)
+    laid = _laid_out(scene, rank, strict, of_scene)
+    model = _model(laid.model, asked(context, values))
     assembly = build_robust(laid.scene) if robust and not laid.assembly.has_low_values else laid.assembly
     assembly = under(assembly, model)
     if "search" in laid.scene.model_fields_set:
@@ -132,7 +132,7 @@ def solve(
         if robust and by_fields:
             raise ParameterError("robust", "by fields, strengths have one value", "cracks by faces or cells")
         elements, labels = rigid(assembly, laid.labels)
-        if own and not as_json:
+        if of_scene and not as_json:
             warn_of(scene, assembly)
         if not by_fields and (long := cost_estimate(elements).long) is not None and not as_json:
             warn(f"jld: {long}")
@@ -151,10 +151,10 @@ def solve(
     if isinstance(result, LimitAnalysisResult):
         result = _with_nominal(result) if elements.has_low_values else result
         result = with_rates(result, asked=sensitivities, vertices=as_json or out is not None)
-    told = _geometric(scene, laid, result, model, robust) if geometric else {}
+    further_facts = _geometric(scene, laid, result, model, robust) if geometric else {}
     if out is not None:
         _write_result(result, out)
-    say(json.dumps(result.to_json(), indent=1) if as_json else aligned(_facts(result) | told))
+    say(json.dumps(result.to_json(), indent=1) if as_json else aligned(_facts(result) | further_facts))
     if result.status is Status.UNCERTIFIED:
         raise typer.Exit(UNCERTIFIED)
 
@@ -175,11 +175,11 @@ def _geometric(scene: Path, laid: LaidOut, result: Result, model: Model, robust:
     return {"geometric safety": str(safety)}
 
 
-def _laid_out(path: Path, rank: int | None, strict: bool, own: bool) -> LaidOut:
-    """Return the layout that a scene states (own), or one of a folder of results."""
+def _laid_out(path: Path, rank: int | None, strict: bool, of_scene: bool) -> LaidOut:
+    """Return the layout that a scene states, or one of a folder of results."""
     from jld_explore.cli.layout import LaidOut, layout_of
 
-    if not own:
+    if not of_scene:
         return layout_of(path, rank)
     scene, assembly = load(path, strict)
     return LaidOut(scene, assembly, assembly.labels, Model())
@@ -194,8 +194,8 @@ def _facts(result: Result) -> dict[str, str]:
     if isinstance(result, LimitAnalysisResult):
         return facts_of_result(result)
     by_fields: Any = result
-    found: dict[str, str] = by_fields.facts_in_words()
-    return found
+    facts: dict[str, str] = by_fields.facts_in_words()
+    return facts
 
 
 def _with_nominal(result: LimitAnalysisResult) -> LimitAnalysisResult:
@@ -217,25 +217,25 @@ def _write_result(result: Result, out: Path) -> None:
         path = views.moved_joints.figure_of_path(result.assembly, views.moved_joints.path_values(result))
         for ending in ("png", "svg"):
             views.figures.save_figure(path, out / f"path.{ending}")
-    drawn = {"": result}
+    results = {"": result}
     if result.cases:  # of the positions of moving loads, the one that governs is drawn
         places = {case.name: case.place for case in result.assembly.cases}
-        shown = [places[name] is None or name == result.governing for name in result.cases]
-        drawn = {f"-{k}": one for k, one in enumerate(result.cases.values(), 1) if shown[k - 1]}
-    for after, one in drawn.items():
+        is_drawn = [places[name] is None or name == result.governing for name in result.cases]
+        results = {f"-{k}": one for k, one in enumerate(result.cases.values(), 1) if is_drawn[k - 1]}
+    for after, one in results.items():
         figure = views.figures.figure_of_result(one)
         for ending in ("png", "svg"):
             views.figures.save_figure(figure, out / f"result{after}.{ending}")
 
 
-def _draw_fields(found: Any, out: Path) -> None:
+def _draw_fields(result: Any, out: Path) -> None:
     """Draw labels, stresses and cracks under each load case into a folder, as png and svg."""
     from jld_core.fields.bounds import FieldBounds
 
-    views, several = part("views"), len(found.cases) > 1
-    for k, (case, bounds) in enumerate(zip(found.assembly.by_case, found.cases.values(), strict=True), 1):
+    views, several = part("views"), len(result.cases) > 1
+    for k, (case, bounds) in enumerate(zip(result.assembly.by_case, result.cases.values(), strict=True), 1):
         if not isinstance(bounds, FieldBounds):
             continue  # fields in space have no picture
-        figure = views.field_figures.figure_of_fields(case, found.labels, bounds)
+        figure = views.field_figures.figure_of_fields(case, result.labels, bounds)
         for ending in ("png", "svg"):
             views.figures.save_figure(figure, out / f"result{f'-{k}' if several else ''}.{ending}")

@@ -73,57 +73,59 @@ class Driver(ABC):
             raise ParameterError("seed", f"{seed} is no seed", "a whole number from 0")
         self.space, self.seed = space, seed
 
-    def __init_subclass__(cls, **others: Any) -> None:
+    def __init_subclass__(cls, **keywords: Any) -> None:
         """Let `tell` of a driver take a `BatchResult` in place of evaluations, and check what it is given."""
-        super().__init_subclass__(**others)
+        super().__init_subclass__(**keywords)
         if "ask" in cls.__dict__:
-            asked: Any = typed(cls.ask)
+            original_ask: Any = typed(cls.ask)
 
-            @wraps(asked)
-            def ask(self: Driver, *given: Any, **named: Any) -> Bits:
+            @wraps(original_ask)
+            def ask(self: Driver, *arguments: Any, **keyword_arguments: Any) -> Bits:
                 with plugins.guarded("jld.drivers", self.name):
-                    found: Bits = asked(self, *given, **named)
-                    self._require_labellings(found)
-                return found
+                    labellings: Bits = original_ask(self, *arguments, **keyword_arguments)
+                    self._require_labellings(labellings)
+                return labellings
 
             setattr(cls, "ask", ask)  # noqa: B010 – mypy refuses the assignment of a method
-        own: Any = cls.__dict__.get("tell")
-        if own is not None:
+        original: Any = cls.__dict__.get("tell")
+        if original is not None:
 
-            @wraps(own)
+            @wraps(original)
             def tell(self: Driver, labellings: Bits, evaluations: Sequence[Evaluation] | BatchResult) -> None:
                 rows, found = np.asarray(labellings), evaluations_of(evaluations)
                 if rows.dtype != np.bool_ or rows.ndim != 2 or len(rows) != len(found):
-                    given = f"they are of shape {rows.shape}, with {len(found)} evaluations"
-                    raise ParameterError("labellings", given, "those that `ask` returned, one row for each evaluation")
+                    problem = f"they are of shape {rows.shape}, with {len(found)} evaluations"
+                    raise ParameterError("labellings", problem, "those that `ask` returned, a row for each evaluation")
                 with plugins.guarded("jld.drivers", self.name):
-                    own(self, rows, found)
+                    original(self, rows, found)
 
             setattr(cls, "tell", tell)  # noqa: B010
 
-    def _require_labellings(self, found: Any) -> None:
+    def _require_labellings(self, labellings: Any) -> None:
         """Raise InputError unless `ask` returned labellings (k, m), those of a driver of others in the space."""
         where, faces = f"driver {self.name!r}", len(self.space.fixed)
-        if not isinstance(found, np.ndarray) or found.dtype != np.bool_ or found.shape[1:] != (faces,):
-            given = f"{found.dtype} of shape {found.shape}" if isinstance(found, np.ndarray) else type(found).__name__
-            raise InputError(where, f"it asks for {given}", f"a bool array (k, {faces}), True = dry")
+        expected = f"a bool array (k, {faces}), True = dry"
+        if not isinstance(labellings, np.ndarray):
+            raise InputError(where, f"it asks for {type(labellings).__name__}", expected)
+        if labellings.dtype != np.bool_ or labellings.shape[1:] != (faces,):
+            raise InputError(where, f"it asks for {labellings.dtype} of shape {labellings.shape}", expected)
         if type(self).__module__.startswith("jld_explore."):  # they propose what the operators keep feasible
             return
-        if not (kept := feasible(self.space, found)).all():
-            problem = f"it asks for {to_string(found[~kept][0])}, which the search excludes"
+        if not (admissible := feasible(self.space, labellings)).all():
+            problem = f"it asks for {to_string(labellings[~admissible][0])}, which the search excludes"
             raise InputError(where, problem, "what its Register admits")
 
     @classmethod
-    def made(cls, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> Self:
+    def made(cls, space: SearchSpace, seed: int, values: Mapping[str, Any]) -> Self:
         """Make a driver from values of fields of `Options`; InputError for an unknown one or a wrong value."""
         require_kind("space", space, SearchSpace)
         try:
-            options = cls.Options(**given)
+            options = cls.Options(**values)
         except ValidationError as error:
-            raise _complaint(error.errors()[0]) from None
-        make: Any = cls
-        made: Self = make(space, seed, **{name: getattr(options, name) for name in cls.Options.model_fields})
-        return made
+            raise _option_error(error.errors()[0]) from None
+        kind: Any = cls
+        driver: Self = kind(space, seed, **{name: getattr(options, name) for name in cls.Options.model_fields})
+        return driver
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -194,9 +196,9 @@ class Driver(ABC):
         """Take in evaluations, or a `BatchResult`, of labellings (k, m) that `ask` has returned."""
 
 
-def _complaint(error: Any) -> InputError:
+def _option_error(error: Any) -> InputError:
     """Convert a validation error of an option to an InputError of one line."""
-    context, given = error.get("ctx", {}), error["input"]
+    context, value = error.get("ctx", {}), error["input"]
     expected = {
         "literal_error": f"one of {context.get('expected', '')}".replace("'", ""),
         "greater_than_equal": f"a whole number greater than or equal to {context.get('ge')}",
@@ -204,4 +206,4 @@ def _complaint(error: Any) -> InputError:
         "int_type": "a whole number",
         "extra_forbidden": "an option that the driver has",
     }.get(error["type"], error["msg"].lower())
-    return ParameterError(str(error["loc"][0]), f"{given!r} is wrong", expected)
+    return ParameterError(str(error["loc"][0]), f"{value!r} is wrong", expected)

@@ -48,7 +48,7 @@ def driver_kinds() -> dict[str, type[Driver]]:
     return DRIVERS | added
 
 
-def owners(option: str) -> Iterator[type[Driver]]:
+def drivers_with(option: str) -> Iterator[type[Driver]]:
     return (kind for kind in driver_kinds().values() if option in kind.Options.model_fields)
 
 
@@ -84,52 +84,46 @@ def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Dri
         If no driver has the name, or an option is wrong or another driver's.
     """
     kind = driver_named(name)
-    given = {key: value for key, value in options.items() if value is not None}
-    for key in given:
+    values = {key: value for key, value in options.items() if value is not None}
+    for key in values:
         if key not in kind.Options.model_fields:
-            others = " or ".join(f'`driver="{kind.name}"`' for kind in owners(key)) or "an option that it has"
+            others = " or ".join(f'`driver="{kind.name}"`' for kind in drivers_with(key)) or "an option that it has"
             raise ParameterError(key, f"the driver {name} has no such option", others)
     if kind is Exact and space.search.require is not None:
         # with a required load factor the exact driver optimises a count
-        return MinimumCount.made(space, seed, given)
+        return MinimumCount.made(space, seed, values)
     with plugins.guarded("jld.drivers", name):
-        return kind.made(space, seed, given)
+        return kind.made(space, seed, values)
 
 
 REACH: Final = 50  # most faces, dry or inner, for which the exact driver is the default
 
 # labellings of the genetic driver, per face of two labels, before a proof by default (docs/notes/tried.md)
 STARTED: Final = 60
-
 BOUNDED: Final = 1500  # most faces for which a bound on all labellings is computed: about the time of a few evaluations
 
 
 def driver_for(
-    space: SearchSpace, seed: int, model: SolveOptions, known: int | None, options: Mapping[str, Any], *, many: bool
+    space: SearchSpace, seed: int, model: SolveOptions, size: int | None, options: Mapping[str, Any], *, bounded: bool
 ) -> Driver:
+    """Make the default driver; size: classes of a small space; bounded: mechanisms bound the objective."""
     # Small spaces are enumerated, those up to REACH faces go to the exact driver, which proves most of them, and larger
     # ones to the portfolio, or to the genetic driver where one mechanism says little about the objective
     # (docs/notes/tried.md).
-    if known is not None:
+    if size is not None:
         return make_driver("enumeration", space, seed, **options)
-    given = {key for key, value in options.items() if value is not None}
-    own = all(DRIVERS["exact"] in owners(key) for key in given)
-    if (
-        int(space.candidates.sum()) <= REACH
-        and space.void is None
-        and own
-        and not many
-        and model.supports_bounds_over_labellings
-    ):
+    set_options = {key for key, value in options.items() if value is not None}
+    bounded &= space.void is None and model.supports_bounds_over_labellings
+    faces = int(space.candidates.sum())
+    if bounded and faces <= REACH and all(DRIVERS["exact"] in drivers_with(key) for key in set_options):
         exact = make_driver("exact", space, seed, **options)
         if isinstance(exact, Exact) and not exact.exhaustive:  # otherwise it would enumerate
             if exact.aim == "best":
-                exact.begin_with(Genetic(space, seed), STARTED * int(space.candidates.sum()))
+                exact.begin_with(Genetic(space, seed), STARTED * faces)
             return exact
-    guided = not many and space.void is None and model.supports_bounds_over_labellings
-    guided &= len(space.search.front.axes) == 1
-    guided &= all(DRIVERS["portfolio"] in owners(key) for key in given)
-    return make_driver("portfolio" if guided else "genetic", space, seed, **options)
+    by_portfolio = bounded and len(space.search.front.axes) == 1
+    by_portfolio &= all(DRIVERS["portfolio"] in drivers_with(key) for key in set_options)
+    return make_driver("portfolio" if by_portfolio else "genetic", space, seed, **options)
 
 
 def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:
@@ -152,8 +146,8 @@ def what_would_prove(
     """Name in one line the search that would prove or narrow a result; None if none would."""
     if summary["proven"]:
         return None
-    tally, reason = summary["counts_by_status"], summary["stop_reason"]
-    open_ones = sum(tally.get(name, 0) for name in ("uncertified", "failed")) - summary["pruned"]
+    counts, reason = summary["counts_by_status"], summary["stop_reason"]
+    uncertified = sum(counts.get(name, 0) for name in ("uncertified", "failed")) - summary["pruned"]
     if summary["unbounded"]:
         return "a locked layout carries any load: a compressive_strength of dry and inner faces gives each a finite λ"
     if model.friction == "zero-dilation":
@@ -161,13 +155,14 @@ def what_would_prove(
     if model.effective_area:
         return "with effective areas nothing is proven of other layouts: the same search without --effective-area is"
     by_exact = summary["driver"] == "exact"
-    if open_ones and reason == "exhausted" and (whole or by_exact):
-        return f"{open_ones} layouts are uncertified: another --solver may settle them"
+    if uncertified and reason == "exhausted" and (whole or by_exact):
+        return f"{uncertified} layouts are uncertified: another --solver may settle them"
     if reason == "exhausted" and whole:
         return "brackets of the best layouts overlap: another --solver may narrow them"
     if finite and reason != "exhausted":
-        left = "" if summary["classes"] is None else f", {summary['evaluated']} of {summary['classes']} classes so far"
-        return f"--resume goes on to a proof{left}"
+        classes = summary["classes"]
+        progress = "" if classes is None else f", {summary['evaluated']} of {classes} classes so far"
+        return f"--resume goes on to a proof{progress}"
     if space.void is not None:
         return "where cells may be left out, --driver enumeration proves, where it comes to its end"
     if not model.supports_bounds_over_labellings:
@@ -179,19 +174,17 @@ def what_would_prove(
     return f"--driver exact {reach} ({faces} faces may be dry or inner; it is taken unasked up to {REACH})"
 
 
-_ROUND: Final = 16  # labellings drawn per batch; the cost of a batch hardly depends on its size
-
-_ROUNDS: Final = 4  # batches of random labellings that are tried before a labelling is constructed
-
-_SHARE: Final = 0.2  # largest share of the time left for these batches
+_BATCH: Final = 16  # labellings drawn per batch; the cost of a batch hardly depends on its size
+_BATCHES: Final = 4  # batches of random labellings that are tried before a labelling is constructed
+_BATCHES_SHARE: Final = 0.2  # largest share of the time left for these batches
 
 
 def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
     """Return the scene's labelling (1, m), else a random, else a constructed one; (0, m) if there is none."""
     # Few random labellings keep tight limits. One is then constructed from the formula of the limits, which also finds
     # out where no labelling keeps them.
-    ways, rng = operators(space), BufferedRandom(np.random.default_rng(seed))
-    none = np.empty((0, len(space.fixed)), dtype=bool)
+    moves, rng = operators(space), BufferedRandom(np.random.default_rng(seed))
+    nothing = np.empty((0, len(space.fixed)), dtype=bool)
 
     def in_space(rows: Bits) -> Bits:
         """Return the first of some labellings (k, m) that is in the space, if any."""
@@ -199,20 +192,20 @@ def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
             checkpoint()
             if feasible(space, row[None])[0]:
                 return np.asarray(row[None])
-        return none
+        return nothing
 
-    with suppress(DeadlinePassed), Deadline(_SHARE * time_left()).enforced():
+    with suppress(DeadlinePassed), Deadline(_BATCHES_SHARE * time_left()).enforced():
         rows = space.assembly.labels[None]
-        for _ in range(_ROUNDS + 1):
-            if len(found := in_space(rows)):
-                return found
-            rows = ways.draw(_ROUND, rng)
+        for _ in range(_BATCHES + 1):
+            if len(first := in_space(rows)):
+                return first
+            rows = moves.draw(_BATCH, rng)
     constructed = admissible_layout(space, seed)
     if constructed is not None or space.void is None:
-        return none if constructed is None else constructed
-    while not len(found := in_space(ways.draw(_ROUND, rng))):
+        return nothing if constructed is None else constructed
+    while not len(first := in_space(moves.draw(_BATCH, rng))):
         checkpoint()
-    return found
+    return first
 
 
 def admissible_layout(space: SearchSpace, seed: int = 0) -> Bits | None:
@@ -225,9 +218,9 @@ def admissible_layout(space: SearchSpace, seed: int = 0) -> Bits | None:
         blocks = possible_blocks(subspace)
         if blocks is None and cells is not None:
             continue
-        found = _construct(subspace, blocks, space, seed)
-        if found is not None or subspace is space:
-            return found
+        labelling = _construct(subspace, blocks, space, seed)
+        if labelling is not None or subspace is space:
+            return labelling
     return None if space.void is not None else _construct(space, None, space, seed)
 
 

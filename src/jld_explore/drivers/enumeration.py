@@ -31,34 +31,32 @@ def breadth_first(space: SearchSpace) -> Ints:
         links[a].append(b)
         links[b].append(a)
 
-    def from_(start: int, seen: set[int]) -> list[int]:
-        queue, found, seen = deque([start]), [], {*seen, start}
+    def visit(start: int, seen: set[int]) -> list[int]:
+        queue, visited, seen = deque([start]), [], {*seen, start}
         while queue:
             element = queue.popleft()
-            found.append(element)
+            visited.append(element)
             for other in sorted(set(links[element])):
                 if other not in seen:
                     seen.add(other)
                     queue.append(other)
-        return found
+        return visited
 
     order: list[int] = []
     for element in assembly.elements.free.tolist():
         if element not in order:
             seen = set(order)
-            order += from_(from_(from_(element, seen)[-1], seen)[-1], seen)
+            order += visit(visit(visit(element, seen)[-1], seen)[-1], seen)
     return np.array(order, dtype=np.int64)
 
 
 Names = NDArray[np.unsignedinteger[Any]]
 
 PORTION: Final = 8192  # most labellings that one call of `ask` returns
-
 _BYTES: Final = 256 << 20  # memory for the stack of frontiers, bytes
 
 # Largest number of rows of a frontier. A frontier of this size stays in a cache level while a face is decided.
 _ROWS: Final = 1024
-
 _QUICK_ROWS: Final = 64  # number of rows of a frontier in a quick count of a space
 _QUICK_FRONTIERS: Final = 150  # number of frontiers in a quick count of a space
 # Largest number of frontiers times elements in a count of a space. A count of 2 000 frontiers of 300 elements takes
@@ -115,15 +113,15 @@ class Enumeration(Driver):
         candidates = np.flatnonzero(space.candidates)
         self._faces = candidates[np.lexsort((candidates, rank[candidates, 0], rank[candidates, 1]))]
         self._ends = ends[self._faces]
-        walls = ends[~space.candidates & space.fixed]
-        self._decided = np.concatenate([walls, self._ends])
-        self._walls = len(walls)
+        fixed_dry = ends[~space.candidates & space.fixed]
+        self._dry_ends = np.concatenate([fixed_dry, self._ends])
+        self._fixed_dry_count = len(fixed_dry)
         self._limits, on_terms = space.limits, space.limits.on_terms
         self._sized = self._limits.sized.take(self._order[: self._free])
         on_faces = [(terms.faces, bounds) for terms, bounds in on_terms if terms.faces is not None and not terms.blocks]
         self._counted = [(faces[self._faces].astype(np.int64), bounds) for faces, bounds in on_faces]
-        always = ~space.candidates & space.fixed
-        self._dry_at_start = np.array([[(faces & always).sum()] for faces, _ in on_faces], dtype=np.int64)
+        fixed_dry_faces = ~space.candidates & space.fixed
+        self._dry_at_start = np.array([[(faces & fixed_dry_faces).sum()] for faces, _ in on_faces], dtype=np.int64)
         on_blocks = [bounds for terms, bounds in on_terms if terms.blocks and terms.faces is None]
         self._fewest = max((bounds.least for bounds in on_blocks), default=-np.inf)
         self._greatest = min((bounds.most for bounds in on_blocks), default=np.inf)
@@ -161,8 +159,8 @@ class Enumeration(Driver):
                 break
         if self._interrupted and not len(self._unreturned):
             raise DeadlinePassed
-        given, self._unreturned = self._unreturned[:wanted], self._unreturned[wanted:]
-        return given
+        labellings, self._unreturned = self._unreturned[:wanted], self._unreturned[wanted:]
+        return labellings
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         self._deadline = deadline
@@ -181,9 +179,9 @@ class Enumeration(Driver):
         """Yield canonical labellings (k, m), and how many labellings each stands for (k,)."""
         for rows in self._walk():
             if rows is not None:
-                kept, multiplicity = representatives(rows, self.space.group)
-                for low in range(0, len(kept), self._rows_per_check or max(1, len(kept))):
-                    part = kept[low : low + (self._rows_per_check or len(kept))]
+                representative, multiplicity = representatives(rows, self.space.group)
+                for low in range(0, len(representative), self._rows_per_check or max(1, len(representative))):
+                    part = representative[low : low + (self._rows_per_check or len(representative))]
                     laid = self.space.can_be_laid(rows[part])
                     yield rows[part[laid]], multiplicity[low : low + len(part)][laid]
 
@@ -194,31 +192,31 @@ class Enumeration(Driver):
             classes += len(multiplicity)
         return Tally(labellings, classes)
 
-    def size_up_to(self, limit: int, work: int = 2000) -> int | None:
-        """Count classes up to a limit; None above it, or if `work` frontiers do not suffice."""
+    def size_up_to(self, limit: int, most_frontiers: int = 2000) -> int | None:
+        """Count classes up to a limit; None above it, or if `most_frontiers` do not suffice."""
         # With assembly sequences to check the limit is at most `space.laying.counted`, since the time per frontier
         # grows with the number of elements.
-        work = min(work, _MOST_ELEMENTS_EXAMINED // max(len(self._start), 1))
-        if len(self._faces) >= work:  # the first labelling needs one frontier per face
+        most_frontiers = min(most_frontiers, _MOST_ELEMENTS_EXAMINED // max(len(self._start), 1))
+        if len(self._faces) >= most_frontiers:  # the first labelling needs one frontier per face
             return None
-        classes, found = 0, []
+        classes, batches = 0, []
         if self.space.laying is not None:
             limit = min(limit, self.space.laying.counted)
         for frontiers, rows in enumerate(self._walk()):
             if rows is not None:
-                found.append(rows[representatives(rows, self.space.group)[0]])
-                classes += len(found[-1])
-            if classes > limit or frontiers >= work:
+                batches.append(rows[representatives(rows, self.space.group)[0]])
+                classes += len(batches[-1])
+            if classes > limit or frontiers >= most_frontiers:
                 return None
-        return sum(int(self.space.can_be_laid(rows).sum()) for rows in found)
+        return sum(int(self.space.can_be_laid(rows).sum()) for rows in batches)
 
     def _walk(self) -> Iterator[Bits | None]:
         """Examine frontiers depth first; yield labellings (k, m) of a complete one, else None."""
         start = np.ascontiguousarray(self._start[:, None])
-        name = np.uint8 if len(start) <= 256 else np.uint16 if len(start) <= 65536 else np.uint32
-        tall = 0 if self.search.segmentation else len(self._faces)
+        name_type = np.uint8 if len(start) <= 256 else np.uint16 if len(start) <= 65536 else np.uint32
+        label_rows = 0 if self.search.segmentation else len(self._faces)
         zero, dry = np.zeros(1, dtype=np.int64), self._dry_at_start.reshape(len(self._counted), 1)
-        stack = [_Frontier(0, start.astype(name), np.zeros((tall, 1), dtype=bool), zero, dry)]
+        stack = [_Frontier(0, start.astype(name_type), np.zeros((label_rows, 1), dtype=bool), zero, dry)]
         while stack:
             checkpoint()
             frontier = stack.pop()
@@ -268,15 +266,15 @@ class Enumeration(Driver):
         p, q, apart = p[parent], q[parent], apart[parent]
         low = np.minimum(p, q)  # an inner face merges both blocks, under the smaller name
         merged = np.where(is_dry, p, np.maximum(p, q))
-        into = np.where(is_dry, p, low)
-        block = np.where(new.block == merged, into, new.block)
+        merged_into = np.where(is_dry, p, low)
+        block = np.where(new.block == merged, merged_into, new.block)
         added = np.array([counted[level] for counted, _ in self._counted], dtype=np.int64)
         new = _Frontier(level + 1, block, label, new.closed, new.dry + added[:, None] * is_dry)
         return self._prune(new, np.where(is_dry, p, low), np.where(is_dry & apart, q, low), apart, is_dry)
 
     def _separates(self, rows: _Frontier, p: Names, q: Names) -> Bools:
         """Return (r,) True where a dry face decided before lies between blocks p and q, both (r,)."""
-        before = self._decided[: self._walls + rows.level]
+        before = self._dry_ends[: self._fixed_dry_count + rows.level]
         first, second = rows.block[before[:, 0]], rows.block[before[:, 1]]
         return np.asarray((((first == p) & (second == q)) | ((first == q) & (second == p))).any(axis=0))
 
@@ -326,5 +324,5 @@ class Enumeration(Driver):
 def size_up_to(space: SearchSpace, limit: int, *, quick: bool = False) -> int | None:
     """Count the classes of a space; None above a limit, or if the count takes too long."""
     if quick:
-        return Enumeration(space, rows=_QUICK_ROWS).size_up_to(limit, work=_QUICK_FRONTIERS)
+        return Enumeration(space, rows=_QUICK_ROWS).size_up_to(limit, most_frontiers=_QUICK_FRONTIERS)
     return Enumeration(space).size_up_to(limit)

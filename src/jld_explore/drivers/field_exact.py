@@ -48,7 +48,6 @@ if TYPE_CHECKING:
 
 
 CONFLICTS_FILE: Final = "conflicts.npz"  # name of the file of conflicts in the folder of a study
-
 _MESH: Final = [one.name for one in fields(Mesh)]  # arrays of a mesh
 
 
@@ -61,19 +60,19 @@ def save_conflicts(folder: Path, driver: FieldExact) -> None:
         return
     problems, shared = driver.refuter.relaxation.problems, driver.refuter.cases
     mechanisms = [conflict.mechanism for conflict in conflicts if conflict.mechanism is not None]
-    own = sorted({mechanism.case for mechanism in mechanisms if mechanism.case >= shared})
-    number = {case: shared + place for place, case in enumerate(own)}
+    extra_cases = sorted({mechanism.case for mechanism in mechanisms if mechanism.case >= shared})
+    number_of = {case: shared + index for index, case in enumerate(extra_cases)}
     content: dict[str, Any] = {
         "shared": np.array(shared),
-        "case": np.array([number.get(mechanism.case, mechanism.case) for mechanism in mechanisms], dtype=np.int64),
-        "load": np.array([driver.refuter.load_case(problems[case]) for case in own], dtype=np.int64),
-        **_joined("faces", [conflict.faces for conflict in conflicts]),
-        **_joined("labels", [conflict.labels for conflict in conflicts]),
-        **_joined("velocity", [mechanism.velocity.ravel() for mechanism in mechanisms]),
+        "case": np.array([number_of.get(mechanism.case, mechanism.case) for mechanism in mechanisms], dtype=np.int64),
+        "load": np.array([driver.refuter.load_case(problems[case]) for case in extra_cases], dtype=np.int64),
+        **_join_all("faces", [conflict.faces for conflict in conflicts]),
+        **_join_all("labels", [conflict.labels for conflict in conflicts]),
+        **_join_all("velocity", [mechanism.velocity.ravel() for mechanism in mechanisms]),
     }
     for name in _MESH:
-        arrays = [getattr(problems[case].mesh, name) for case in own]
-        content |= _joined(f"mesh_{name}", [array.ravel() for array in arrays])
+        arrays = [getattr(problems[case].mesh, name) for case in extra_cases]
+        content |= _join_all(f"mesh_{name}", [array.ravel() for array in arrays])
     with whole_file(folder / CONFLICTS_FILE) as fresh, fresh.open("wb") as file:
         np.savez(file, **content)
 
@@ -99,61 +98,49 @@ def _conflicts_in(content: dict[str, Any], driver: FieldExact) -> list[Conflict]
     if int(content["shared"]) != driver.refuter.cases:
         return []
     cases = content["case"].tolist()
-    parts = {name: _parted(content, f"mesh_{name}") for name in _MESH}
-    for place, load in enumerate(content["load"].tolist()):
+    parts = {name: _split(content, f"mesh_{name}") for name in _MESH}
+    for index, load in enumerate(content["load"].tolist()):
         shapes = {"points": (-1, 2), "simplices": (-1, 3), "tagged": (-1, 2)}
-        arrays: dict[str, Any] = {name: parts[name][place].reshape(shapes.get(name, (-1,))) for name in _MESH}
+        arrays: dict[str, Any] = {name: parts[name][index].reshape(shapes.get(name, (-1,))) for name in _MESH}
         driver.refuter.add_problem(load, Mesh(**arrays))
-    triples = zip(
-        _parted(content, "faces"), _parted(content, "labels"), _parted(content, "velocity"), cases, strict=True
-    )
+    triples = zip(_split(content, "faces"), _split(content, "labels"), _split(content, "velocity"), cases, strict=True)
     conflicts = []
     for faces, labels, velocity, case in triples:
         mechanism = Mechanism(case, velocity.reshape(-1, 3, 2))
-        one = Conflict(faces.astype(np.int64), labels.astype(bool), np.inf, mechanism=mechanism)
-        bound = driver.refuter.weigh(one)
+        conflict = Conflict(faces.astype(np.int64), labels.astype(bool), np.inf, mechanism=mechanism)
+        bound = driver.refuter.weigh(conflict)
         if np.isfinite(bound):
-            conflicts.append(replace(one, bound=bound))
+            conflicts.append(replace(conflict, bound=bound))
     return conflicts
 
 
-def _joined(name: str, arrays: list[Any]) -> dict[str, Any]:
+def _join_all(name: str, arrays: list[Any]) -> dict[str, Any]:
     """Return arrays (j,) of different lengths as one array `name`, with lengths `name_sizes`."""
     sizes = np.array([len(array) for array in arrays], dtype=np.int64)
     return {name: np.concatenate(arrays) if arrays else np.empty(0), f"{name}_sizes": sizes}
 
 
-def _parted(content: dict[str, Any], name: str) -> list[Floats]:
-    """Return the arrays that `_joined` joined under a name."""
+def _split(content: dict[str, Any], name: str) -> list[Floats]:
+    """Return the arrays that `_join_arrays` joined under a name."""
     return np.split(content[name], np.cumsum(content[f"{name}_sizes"])[:-1]) if len(content[f"{name}_sizes"]) else []
 
 
 _ANNEALED: Final = 0.25  # largest share of a time limit for the labellings evaluated before the proof
-
 _PATIENCE: Final = 300  # conflicts before the bound is lowered in smaller steps, about a minute
-
 _FIRST: Final = 8  # evaluated labellings of greatest lower bound that are refined before the proof begins
-
 _FIRST_OF_COUNT: Final = 2  # number as `_FIRST`, for each count of a front
 
 # Relative difference of lower bounds below which two evaluated labellings count as alike; one of them is refined
 _ALIKE: Final = 1e-4
-
 _DRY: Final = 0.5  # probability that a drawn labelling prefers a face dry
-
 _COMPARED: Final = 300  # number of the strongest labellings compared with all conflicts at the end of a proof
-
 _ROOT_CAUTION: Final = 4.0  # least time left for another mesh that bounds all labellings, over the time of the last one
 
 # Relative gap, over the gap asked for, down to which brackets of the best labellings are refined in a long proof
 _SHARP: Final = 0.4
-
 _LONG: Final = 40  # conflicts from which a proof counts as long
-
 _SHARPENED: Final = 2  # number of labellings refined together for a larger lower bound, in order of their lower bounds
-
 _SHARPENING: Final = 0.1  # largest share of the time left that one more mesh for a larger lower bound may take
-
 _CAUTION: Final = 1.5  # least time left for another batch of labellings, over the time of the longest batch
 
 
@@ -168,7 +155,7 @@ class FieldExact(ProvingDriver):
         # until its own fields refute it or make it the strongest. A bracket as narrow as the gap is always refuted
         # above best / (1 − gap).
         super().__init__(space, seed)
-        self._aim, self._aimed_at = aim_of(space, aim, gap), aim
+        self._aim, self._aim_name = aim_of(space, aim, gap), aim
         if space.void is not None:
             raise ParameterError("driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
         self._blocks = listed_blocks(space)
@@ -179,16 +166,16 @@ class FieldExact(ProvingDriver):
         self._search_left = search * int(space.candidates.sum())
         self._search_deadline = Deadline()
         self._folder: Path | None = None
-        self._asked = False
+        self._search_asked = False
         self.refuter = FieldRefuter(space, self._blocks)
         self.incumbents = FieldIncumbents(space, self._aim)
         self._batch_seconds = 0.0
         self._restart()
 
     @classmethod
-    def to_gap(cls, gap: float, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> FieldExact:
+    def to_gap(cls, gap: float, space: SearchSpace, seed: int, values: Mapping[str, Any]) -> FieldExact:
         """Make a driver that proves to a gap; InputError for a wrong option."""
-        options = {key: value for key, value in given.items() if value is not None}
+        options = {key: value for key, value in values.items() if value is not None}
         for key in options:
             if key not in cls.Options.model_fields:
                 raise ParameterError(key, "the driver exact has no such option", "an option that it has")
@@ -204,14 +191,14 @@ class FieldExact(ProvingDriver):
         self._formula: Formula | None = None
         self._rng = np.random.default_rng([self.seed, 3])  # other drivers have streams 1 and 2
         self._schedule = TargetSchedule(_PATIENCE)
-        # λ that labellings are refuted above now; up to which the target is open; up to which any target is
-        self._aimed = self._left_open = self._bound = math.inf
+        # λ above which labellings are refuted now; upper bounds on λ of the target, and of all labellings
+        self._threshold = self._upper = self._bound = math.inf
         self._target: int | Range | None = None
-        self._began = 0  # conflicts when the aim was set
+        self._known_conflicts = 0  # conflicts when the aim was set
         self._waiting: list[Bits] = []  # drawn, to be handed over
         # the first aim is set; time left a target open; ended with a proof of all targets; ended without
-        self._begun = self._cut = self._settled = self._stopped = False
-        self._refuted = np.full(len(self.pool), np.inf)  # least bound of a conflict of each labelling of the pool
+        self._has_begun = self._left_open = self._settled = self._stopped = False
+        self._refuted_at = np.full(len(self.pool), np.inf)  # least bound of a conflict of each labelling of the pool
         self.pool.given_up[:] = False
         self._proof_check = None
 
@@ -228,15 +215,15 @@ class FieldExact(ProvingDriver):
 
     def bounds_above(self, labellings: Bits) -> Floats:
         """Return proven upper bounds (k,) on the governing factor of labellings (k, m)."""
-        return np.full(len(labellings), np.inf) if self.complaints else self._refuted_above(labellings)
+        return np.full(len(labellings), np.inf) if self.complaints else self._conflict_bounds(labellings)
 
-    def _refuted_above(self, labellings: Bits) -> Floats:
+    def _conflict_bounds(self, labellings: Bits) -> Floats:
         """Return upper bounds (k,) on the governing factor of labellings (k, m) by the conflicts."""
-        found = np.full(len(labellings), self._bound)
+        bounds = np.full(len(labellings), self._bound)
         for conflict in self._state.conflicts:
             matching = has_conflict(conflict, labellings, self.space.group)
-            found[matching] = np.minimum(found[matching], conflict.bound)
-        return found
+            bounds[matching] = np.minimum(bounds[matching], conflict.bound)
+        return bounds
 
     @property
     def bound(self) -> float | None:
@@ -251,7 +238,7 @@ class FieldExact(ProvingDriver):
 
     @property
     def settings(self) -> dict[str, Any]:
-        return {"aim": self._aimed_at} if self._aimed_at == "front" else {}
+        return {"aim": self._aim_name} if self._aim_name == "front" else {}
 
     @property
     def working(self) -> bool:
@@ -273,7 +260,7 @@ class FieldExact(ProvingDriver):
         self._search_deadline = self._deadline.within(_ANNEALED * self._deadline.remaining())
         if records is not None:
             self._folder = records.folder
-            self._add(load_conflicts(self._folder, self))
+            self._add_conflicts(load_conflicts(self._folder, self))
 
     def close(self) -> None:
         self.pool.tasks.close()
@@ -284,8 +271,8 @@ class FieldExact(ProvingDriver):
 
     def ask(self, limit: int | None = None) -> Bits:
         # The first labellings come from a search. Later calls continue the proof until it needs evaluations.
-        if not self._asked:
-            self._asked = True
+        if not self._search_asked:
+            self._search_asked = True
             self._bound_at_root()
             if self._reached:
                 self._search_left = 1  # nothing is left to prove, but a study has one result
@@ -309,14 +296,14 @@ class FieldExact(ProvingDriver):
         self._learn(labellings, evaluations)
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        low = [found.low if found.status is Status.COLLAPSE else -math.inf for found in evaluations]
-        high = [found.high if math.isfinite(found.high) else math.inf for found in evaluations]
+        low = [evaluation.low if evaluation.status is Status.COLLAPSE else -math.inf for evaluation in evaluations]
+        high = [evaluation.high if math.isfinite(evaluation.high) else math.inf for evaluation in evaluations]
         self.incumbents.learn(labellings, low, high)
-        if self._begun:
+        if self._has_begun:
             self._join(list(labellings))
 
     def _join(self, labellings: Sequence[Bits]) -> None:
-        self._refuted = np.concatenate([self._refuted, self._refuted_above(self.incumbents.join(labellings))])
+        self._refuted_at = np.concatenate([self._refuted_at, self._conflict_bounds(self.incumbents.join(labellings))])
 
     # --- the proof --------------------------------------------------------------------------------------
 
@@ -328,27 +315,27 @@ class FieldExact(ProvingDriver):
     def _work(self) -> None:
         """Take one step of the proof: begin, refine, draw labellings, or lower the bound."""
         # The caller repeats it, and evaluates `_waiting` labellings, until `_settled` or `_stopped`.
-        if not self._begun:
+        if not self._has_begun:
             self._begin()
             return
         best = self.incumbents.best()
-        goal_rose = self._aim.goal(best) > self._aimed
-        if goal_rose or self._aimed >= self._left_open or self._aim.target(best) != self._target:
+        goal_rose = self._aim.goal(best) > self._threshold
+        if goal_rose or self._threshold >= self._upper or self._aim.target(best) != self._target:
             self._aim_formula()
-        elif (rows := self._open()).size:  # evaluated labellings that neither a conflict nor their fields refute
+        elif (rows := self._open_rows()).size:  # evaluated labellings that nothing refutes yet
             self._refine(rows)
         elif (rows := self._wide_rows()).size:  # strong ones whose lower bounds may still rise
             self._refine_lower(rows)
         elif not self._draw():  # the formula has no labelling left
-            self._lower()
-        elif self._schedule.is_stuck(len(self._state.conflicts) - self._began, self._left_open, self._aimed):
+            self._lower_bound()
+        elif self._schedule.is_stuck(len(self._state.conflicts) - self._known_conflicts, self._upper, self._threshold):
             self._aim_formula()
 
     def _begin(self) -> None:
         """Bound all labellings on finer meshes, and aim at the first target."""
-        self._begun = True
+        self._has_begun = True
         self._bound_finer()
-        self._left_open = self._bound
+        self._upper = self._bound
         self._join_promising()
         self._aim_formula()
 
@@ -366,22 +353,22 @@ class FieldExact(ProvingDriver):
 
     def _bound_by(self, meshes: CommonMeshes, case: int) -> None:
         """Bound all labellings on the next mesh of a load case; store a lower bound."""
-        start, nothing = time.perf_counter(), np.empty(0, dtype=np.int64)
-        found = meshes.step()
-        if found is not None and found.bound < self._bound:
-            mechanism = Mechanism(self.refuter.add_problem(case, found.mesh), found.found.velocity)
-            self._add([Conflict(nothing, nothing.astype(bool), found.bound, mechanism=mechanism)])
-            self._bound = found.bound
+        start, no_faces = time.perf_counter(), np.empty(0, dtype=np.int64)
+        result = meshes.step()
+        if result is not None and result.bound < self._bound:
+            mechanism = Mechanism(self.refuter.add_problem(case, result.mesh), result.found.velocity)
+            self._add_conflicts([Conflict(no_faces, no_faces.astype(bool), result.bound, mechanism=mechanism)])
+            self._bound = result.bound
         self._batch_seconds = time.perf_counter() - start
 
     def _bound_finer(self) -> None:
         """Bound all labellings on finer meshes in the time there is; refute labellings on some."""
         cases = [self.refuter.common(case) for case in range(self.refuter.cases)]
         while not self._reached and self._deadline.remaining() > _ROOT_CAUTION * self._batch_seconds:
-            left = [case for case, meshes in enumerate(cases) if not meshes.ended]
-            if not left:
+            unfinished = [case for case, meshes in enumerate(cases) if not meshes.ended]
+            if not unfinished:
                 break
-            for case in left:
+            for case in unfinished:
                 self._bound_by(cases[case], case)
         self.refuter.refute_on(cases)
 
@@ -394,18 +381,18 @@ class FieldExact(ProvingDriver):
         """Aim the formula at the next factor to refute, or end a target that is reached."""
         best = self.incumbents.best()
         goal = self._aim.goal(best)
-        if self._left_open <= max(goal, 0.0):
+        if self._upper <= max(goal, 0.0):
             self._end_target()
             return
-        following = self._schedule.next_target(self._left_open, goal) if self._aim.in_steps else goal
-        self._aimed, self._target = max(goal, following), self._aim.target(best)
-        self._began = len(self._state.conflicts)
-        self._formula = self._formula or self._stated()
-        self._formula.aim(self._aimed, self._target)
+        following = self._schedule.next_target(self._upper, goal) if self._aim.in_steps else goal
+        self._threshold, self._target = max(goal, following), self._aim.target(best)
+        self._known_conflicts = len(self._state.conflicts)
+        self._formula = self._formula or self._make_formula()
+        self._formula.aim(self._threshold, self._target)
         for labels in [*self._waiting, *self.pool.labellings]:
             self._formula.set_aside(np.arange(len(labels)), labels)
 
-    def _stated(self) -> Formula:
+    def _make_formula(self) -> Formula:
         """Return the formula of the labellings that no conflict rules out."""
         formula = Formula(self.space, self._blocks)
         formula.learn(self._state.conflicts)
@@ -415,10 +402,10 @@ class FieldExact(ProvingDriver):
         """Return (k,) True for the labellings of the pool that belong to the target."""
         return holds(self._target, self.incumbents.counts)
 
-    def _open(self) -> Ints:
+    def _open_rows(self) -> Ints:
         """Return rows of the pool to refine, not refuted: best lower and upper bounds in turns."""
         low, high = self.pool.low(), self.pool.high()
-        rows = np.flatnonzero((self._refuted > self._aimed) & ~self.pool.given_up & self._in_target())
+        rows = np.flatnonzero((self._refuted_at > self._threshold) & ~self.pool.given_up & self._in_target())
         by_high, by_low = rows[np.lexsort((-low[rows], -high[rows]))], rows[np.argsort(-low[rows], kind="stable")]
         turns = [int(row) for pair in zip(by_low, by_high, strict=True) for row in pair]
         return np.array(list(dict.fromkeys(turns)), dtype=np.int64)[:TOGETHER]
@@ -444,16 +431,16 @@ class FieldExact(ProvingDriver):
 
     def _refine(self, rows: Ints) -> None:
         """Refine `rows` of the pool by one mesh; add the conflicts that their fields prove."""
-        steps = self.pool.refine(rows.tolist(), self._enough(), refuting_step, (self.refuter.free, self._aimed))
+        steps = self.pool.refine(rows.tolist(), self._enough(), refuting_step, (self.refuter.free, self._threshold))
         for _, case, mesh, step in steps:
             conflict: Conflict | None = step.more
             if conflict is None or conflict.mechanism is None:
                 continue
             mechanism = replace(conflict.mechanism, case=self.refuter.add_problem(case, mesh))
-            self._add([replace(conflict, mechanism=mechanism), *self._conflicts_of_others(mechanism)])
+            self._add_conflicts([replace(conflict, mechanism=mechanism), *self._conflicts_of_others(mechanism)])
 
     def _conflicts_of_others(self, mechanism: Mechanism) -> list[Conflict]:
-        rows = np.flatnonzero(self._refuted > self._aimed)
+        rows = np.flatnonzero(self._refuted_at > self._threshold)
         count, faces = len(rows), np.flatnonzero(self.refuter.free)
         if not count:
             return []
@@ -463,7 +450,9 @@ class FieldExact(ProvingDriver):
             mechanism.case, velocities, labels, np.zeros_like(labels)
         ).tolist()
         pairs = zip(labels, bounds, strict=True)
-        return [Conflict(faces, own[faces], bound, mechanism=mechanism) for own, bound in pairs if bound <= self._aimed]
+        return [
+            Conflict(faces, own[faces], bound, mechanism=mechanism) for own, bound in pairs if bound <= self._threshold
+        ]
 
     def _draw(self) -> bool:
         """Draw and refute a batch, or set `stopped` without time for it; False if none is left."""
@@ -472,8 +461,8 @@ class FieldExact(ProvingDriver):
             raise RuntimeError("the proof has no formula before its first aim")
         drawn: list[Bits] = []
         while len(drawn) < TOGETHER:
-            wish = self._rng.random(len(self.refuter.free)) < _DRY
-            labels = formula.next(preferred=wish)
+            preferred = self._rng.random(len(self.refuter.free)) < _DRY
+            labels = formula.next(preferred=preferred)
             if labels is None:
                 break
             formula.set_aside(np.arange(len(labels)), labels)
@@ -482,13 +471,13 @@ class FieldExact(ProvingDriver):
             self._stopped = True
             return True
         start = time.perf_counter()
-        found = self.refuter.refute(drawn, self._aimed, self.pool.tasks)
+        conflicts = self.refuter.refute(drawn, self._threshold, self.pool.tasks)
         self._batch_seconds = max(self._batch_seconds, time.perf_counter() - start)
-        for labels, conflict in zip(drawn, found, strict=True):
+        for labels, conflict in zip(drawn, conflicts, strict=True):
             if conflict is None:
                 self._hand_over(np.asarray(canonical(labels[None], self.space.group))[0])
             else:
-                self._add([conflict])
+                self._add_conflicts([conflict])
         return bool(drawn)
 
     def _hand_over(self, labels: Bits) -> None:
@@ -498,50 +487,50 @@ class FieldExact(ProvingDriver):
         else:
             self._waiting.append(labels)
 
-    def _add(self, conflicts: Sequence[Conflict]) -> None:
+    def _add_conflicts(self, conflicts: Sequence[Conflict]) -> None:
         self._state.add_conflicts(conflicts)
         if self._formula is not None:
             self._formula.learn(conflicts)
         for conflict in conflicts:
             matching = has_conflict(conflict, self.pool.labellings, self.space.group)
-            self._refuted[matching] = np.minimum(self._refuted[matching], conflict.bound)
+            self._refuted_at[matching] = np.minimum(self._refuted_at[matching], conflict.bound)
 
-    def _lower(self) -> None:
+    def _lower_bound(self) -> None:
         """Lower the bound to the factor aimed at, or to that of the worst unrefuted labelling."""
-        rest = float(self._refuted[self._in_target()].max(initial=-math.inf))
-        self._left_open = min(self._left_open, max(self._aimed, rest))
+        largest = float(self._refuted_at[self._in_target()].max(initial=-math.inf))
+        self._upper = min(self._upper, max(self._threshold, largest))
         if self._target is None:
-            self._bound = min(self._bound, self._left_open)
-        self._schedule.note_proven(len(self._state.conflicts) - self._began)
-        if self._left_open <= self._aimed and self._left_open > self._goal:
+            self._bound = min(self._bound, self._upper)
+        self._schedule.note_proven(len(self._state.conflicts) - self._known_conflicts)
+        if self._upper <= self._threshold and self._upper > self._goal:
             self._aim_formula()
         else:
             self._end_target()
 
     def _end_target(self) -> None:
         """Record the bound of a target; begin the next that has a labelling, or end the proof."""
-        self._cut |= self.pool.late and self._left_open > self._goal
-        open_rows = (self._refuted > self._goal) & self._in_target() & (self._left_open > self._goal)
-        known = self._aim.next(self._left_open, self.incumbents.best(), self.incumbents.counts[open_rows])
-        while known is not None and not self._exists():
-            known = self._aim.next(-math.inf, {}, np.empty(0))
-        if known is None:
+        self._left_open |= self.pool.late and self._upper > self._goal
+        open_rows = (self._refuted_at > self._goal) & self._in_target() & (self._upper > self._goal)
+        bound = self._aim.next(self._upper, self.incumbents.best(), self.incumbents.counts[open_rows])
+        while bound is not None and not self._target_has_labelling():
+            bound = self._aim.next(-math.inf, {}, np.empty(0))
+        if bound is None:
             self._settle()
             return
-        self._left_open, self._aimed = known, math.inf
+        self._upper, self._threshold = bound, math.inf
         self._schedule = TargetSchedule(_PATIENCE)
         self._join_promising()
         self._aim_formula()
 
-    def _exists(self) -> bool:
+    def _target_has_labelling(self) -> bool:
         """Return whether the target has any labelling, however weak."""
-        self._formula = self._formula or self._stated()
+        self._formula = self._formula or self._make_formula()
         self._formula.aim(-math.inf, self._aim.target(self.incumbents.best()))
         return self._formula.next() is not None
 
     def _settle(self) -> None:
         """Check the ended proof, or set `stopped` if time left a target open."""
-        self._stopped, self._settled = self._cut, not self._cut
+        self._stopped, self._settled = self._left_open, not self._left_open
         if self._stopped:
             return
         claims = self._aim.claims()

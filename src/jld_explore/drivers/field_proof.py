@@ -119,14 +119,14 @@ class StrongestAim:
 
 
 def _count_of_formula(space: SearchSpace) -> Count:
-    count, asked = front_count(space), space.search.front
-    if asked.counts:
+    count, front = front_count(space), space.search.front
+    if front.counts:
         raise InputError(
             "search.front.counts", "by fields two counts have no exact front", 'one, or `driver="genetic"`'
         )
     if count is None:
-        known = " or ".join(one.name for one in registered() if one.terms)
-        raise InputError("search.front.count", f"by fields {asked.count} has no exact front", known)
+        names = " or ".join(count_of_formula.name for count_of_formula in registered() if count_of_formula.terms)
+        raise InputError("search.front.count", f"by fields {front.count} has no exact front", names)
     return count
 
 
@@ -146,28 +146,28 @@ class FrontAim:
         self.restart()
 
     def restart(self) -> None:
-        self._left = list(self._all)
-        self._now: int | None = None
+        self._remaining = list(self._all)
+        self._current: int | None = None
         self.bounds: dict[int | None, float] = {}
 
     def target(self, best: Mapping[int, float]) -> int | Range | None:
-        return self._now
+        return self._current
 
     def goal(self, best: Mapping[int, float]) -> float:
         return goal_of(self.enough(best), self.gap)
 
     def enough(self, best: Mapping[int, float]) -> float:
-        return self._no_worse(self._now, best)
+        return self._no_worse(self._current, best)
 
     def _no_worse(self, value: int | None, best: Mapping[int, float]) -> float:
         """Return the best factor of layouts whose count is `value` or a better one, else −inf."""
-        known = (low for count, low in best.items() if value is None or self._sign * (count - value) <= 0.0)
-        return max(known, default=-math.inf)
+        lows = (low for count, low in best.items() if value is None or self._sign * (count - value) <= 0.0)
+        return max(lows, default=-math.inf)
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        self.bounds[self._now] = bound
-        self._now = self._left.pop(0) if self._left else None
-        return None if self._now is None else self.bounds[None]
+        self.bounds[self._current] = bound
+        self._current = self._remaining.pop(0) if self._remaining else None
+        return None if self._current is None else self.bounds[None]
 
     def claims(self) -> list[Claim]:
         return [Claim(count, max(bound, 0.0)) for count, bound in self.bounds.items()]
@@ -181,13 +181,13 @@ class FrontAim:
             low, bound = best.get(count, -math.inf), self.bounds.get(count, self.bounds.get(None, math.inf))
             if low < 0.0 and bound <= 0.0:
                 continue
-            reached = (
+            proven = (
                 sure
                 and count in self.bounds
                 and bound <= goal_of(self._no_worse(count, best), self.gap) * (1.0 + 2.0 * _BELOW)
             )
-            known = bound if sure and math.isfinite(bound) else None
-            rows.append({"count": count, "load_factor": low if low >= 0.0 else None, "bound": known, "proven": reached})
+            high = bound if sure and math.isfinite(bound) else None
+            rows.append({"count": count, "load_factor": low if low >= 0.0 else None, "bound": high, "proven": proven})
         return {"front": rows}
 
 
@@ -213,8 +213,8 @@ class RequirementAim:
 
     def met(self, best: Mapping[int, float]) -> int | None:
         """Return the best count whose factor is at least the required one, or None."""
-        found = [count for count, low in best.items() if low >= self._threshold]
-        return None if not found else min(found) if self._sense == "min" else max(found)
+        counts = [count for count, low in best.items() if low >= self._threshold]
+        return None if not counts else min(counts) if self._sense == "min" else max(counts)
 
     def target(self, best: Mapping[int, float]) -> int | Range | None:
         return self._better(self.met(best))
@@ -265,8 +265,7 @@ def aim_of(space: SearchSpace, aim: str, gap: float) -> ProofAim:
 
 # Relative amount by which bounds are raised on a change of units, so that they stay valid
 _ROUNDING: Final = 4.0 * float(np.finfo(float).eps)
-
-_KEPT: Final = 4  # meshes, beside those that refute, whose problems are kept in memory
+_MOST_WEIGHING: Final = 4  # meshes, beside those that refute, whose problems are kept in memory
 
 
 @dataclass(frozen=True)
@@ -291,17 +290,17 @@ class FieldRelaxation:
     def __init__(self, problems: Sequence[FieldProblem]) -> None:
         self.problems = list(problems)
         self._order = list(range(len(problems)))
-        self._asked = [PartialUpperBound(problem.setting.problem(problem.mesh), many=True) for problem in problems]
-        self._known: dict[tuple[int, bytes], FieldMechanism | None] = {}
-        self._others: OrderedDict[int, PartialUpperBound] = OrderedDict()
+        self._refuting = [PartialUpperBound(problem.setting.problem(problem.mesh), many=True) for problem in problems]
+        self._mechanisms: dict[tuple[int, bytes], FieldMechanism | None] = {}
+        self._weighing: OrderedDict[int, PartialUpperBound] = OrderedDict()
 
     @property
     def solves(self) -> int:
-        return sum(solver.solves for solver in self._asked)
+        return sum(solver.solves for solver in self._refuting)
 
     def restart(self) -> None:
         """Ask the problems in their first order, so that answers do not depend on earlier calls."""
-        self._order = list(range(len(self._asked)))
+        self._order = list(range(len(self._refuting)))
 
     def add(self, problem: FieldProblem) -> int:
         """Add a problem to weigh mechanisms on, not to refute; return its position."""
@@ -311,66 +310,68 @@ class FieldRelaxation:
     def refute(self, labels: Bits, undecided: Bools, threshold: float = math.inf) -> DualBound | None:
         # A factor is refuted where a velocity field proves a smaller bound. Problems are asked one by one; one that
         # succeeds is asked first the next time.
-        for place, number in enumerate(self._order):
+        for index, number in enumerate(self._order):
             checkpoint()
-            found = self._asked[number].field(labels, undecided)
-            if found is None:
+            field = self._refuting[number].field(labels, undecided)
+            if field is None:
                 continue
             required = self.problems[number].required
-            bound = raised(found.bound / required)
+            bound = raised(field.bound / required)
             if bound < threshold:
-                if place:
+                if index:
                     self._order.remove(number)
                     self._order.insert(0, number)
-                cost = np.where(undecided, 0.0, found.mechanism.costs(labels) / required)
-                return DualBound(threshold - bound, cost, bound, found.velocity, number)
+                cost = np.where(undecided, 0.0, field.mechanism.costs(labels) / required)
+                return DualBound(threshold - bound, cost, bound, field.velocity, number)
         return None
 
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        return [self.refute(*one) for one in zip(labellings, undecided, thresholds.tolist(), strict=True)]
+        return [self.refute(*arguments) for arguments in zip(labellings, undecided, thresholds.tolist(), strict=True)]
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
         best: DualBound | None = None
-        for number, partial in enumerate(self._asked):
-            found = partial.field(labels, undecided)
+        for number, partial in enumerate(self._refuting):
+            field = partial.field(labels, undecided)
             required = self.problems[number].required
-            bound = math.inf if found is None else raised(found.bound / required)
-            if found is not None and (best is None or bound < best.bound):
-                cost = np.where(undecided, 0.0, found.mechanism.costs(labels) / required)
-                best = DualBound(math.inf, cost, bound, found.velocity, number)
+            bound = math.inf if field is None else raised(field.bound / required)
+            if field is not None and (best is None or bound < best.bound):
+                cost = np.where(undecided, 0.0, field.mechanism.costs(labels) / required)
+                best = DualBound(math.inf, cost, bound, field.velocity, number)
         return best
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         if not 0 <= case < len(self.problems):
             raise ValueError(f"case: there is no problem {case}; expected 0 to {len(self.problems) - 1}")
         required = self.problems[case].required
-        found = [self.weighed(case, velocity) for velocity in velocities]
-        rows = zip(found, labellings, undecided, strict=True)
-        return np.array([math.inf if m is None else raised(m.bound_of(*part) / required) for m, *part in rows])
+        fields = [self.weighed(case, velocity) for velocity in velocities]
+        rows = zip(fields, labellings, undecided, strict=True)
+        return np.array(
+            [math.inf if field is None else raised(field.bound_of(*partial) / required) for field, *partial in rows]
+        )
 
     def weighed(self, number: int, velocity: Floats) -> FieldMechanism | None:
         """Compute the dissipation of velocities (t, 3, 2), or return the stored one; None where it proves nothing."""
         key = number, hashlib.sha256(np.ascontiguousarray(velocity).tobytes()).digest()
-        if key not in self._known:
-            self._known[key] = self._of(number).weigh(velocity)
-        return self._known[key]
+        if key not in self._mechanisms:
+            self._mechanisms[key] = self._upper_bound_of(number).weigh(velocity)
+        return self._mechanisms[key]
 
     def forget(self) -> None:
         """Forget the stored results of `weighed`, so that a check computes them again."""
-        self._known.clear()
+        self._mechanisms.clear()
 
-    def _of(self, number: int) -> PartialUpperBound:
+    def _upper_bound_of(self, number: int) -> PartialUpperBound:
         # Bounds of problems that were only added for `weigh` are kept for a while, and then set up anew.
-        if number < len(self._asked):
-            return self._asked[number]
-        if number not in self._others:
-            one = self.problems[number]
-            self._others[number] = PartialUpperBound(one.setting.problem(one.mesh))
-            while len(self._others) > _KEPT:
-                self._others.popitem(last=False)
-        return self._others[number]
+        if number < len(self._refuting):
+            return self._refuting[number]
+        if number not in self._weighing:
+            problem = self.problems[number]
+            self._weighing[number] = PartialUpperBound(problem.setting.problem(problem.mesh))
+            while len(self._weighing) > _MOST_WEIGHING:
+                self._weighing.popitem(last=False)
+        return self._weighing[number]
 
 
 def raised(bound: float) -> float:
@@ -394,7 +395,6 @@ class FieldProofContext:
 
 
 _MOST_TIMES: Final = 32  # triangles at which the refinement ends, over those of the coarsest mesh
-
 _MOST_TRIANGLES: Final = 6000  # triangles that no mesh exceeds: a program of more takes many seconds
 
 # Triangles of the meshes on which labellings are refuted beside the coarsest, over those of the coarsest. Of the 4 × 6
@@ -432,13 +432,13 @@ class CommonMeshes:
         if len(mesh) > len(self.meshes[-1]):
             self.meshes.append(mesh)
         partial = PartialUpperBound(self._setting.problem(mesh))
-        found = partial.field(self._labels, self._undecided)
-        if found is None or not math.isfinite(found.bound):
+        field = partial.field(self._labels, self._undecided)
+        if field is None or not math.isfinite(field.bound):
             return None
-        finer = partial.finer(mesh, found.velocity, self._labels, self._undecided)
+        finer = partial.finer(mesh, field.velocity, self._labels, self._undecided)
         if len(mesh) < len(finer) <= self._most:
             self._next = finer
-        return CommonBound(mesh, found, raised(found.bound / self._required))
+        return CommonBound(mesh, field, raised(field.bound / self._required))
 
     @property
     def shared(self) -> tuple[int, ...]:
@@ -447,8 +447,8 @@ class CommonMeshes:
         As many for all cases.
         """
         sizes = np.array([len(mesh) for mesh in self.meshes])
-        least = [int(np.searchsorted(sizes, times * len(self._setting.coarse))) for times in _SHARED]
-        return 0, *(min(place, len(sizes) - 1) for place in least)
+        positions = [int(np.searchsorted(sizes, times * len(self._setting.coarse))) for times in _SHARED]
+        return 0, *(min(position, len(sizes) - 1) for position in positions)
 
 
 def has_conflict(conflict: Conflict, labellings: Bits, group: Ints) -> Bools:
@@ -464,7 +464,7 @@ class FieldIncumbents:
         self._space, self._aim = space, aim
         self.pool = FieldPool(space.assembly, np.empty((0, len(space.fixed)), dtype=bool))
         self.counts: Floats = np.empty(0)
-        self._known: dict[bytes, tuple[float, float, int]] = {}
+        self._evaluated: dict[bytes, tuple[float, float, int]] = {}
         self._rows: dict[bytes, int] = {}
 
     def counts_of(self, labellings: Bits) -> Floats:
@@ -477,10 +477,10 @@ class FieldIncumbents:
     def learn(self, labellings: Bits, low: Sequence[float], high: Sequence[float]) -> None:
         """Store bounds on the governing factor of canonical labellings (k, m)."""
         for labels, *bounds, count in zip(labellings, low, high, self.counts_of(labellings).tolist(), strict=True):
-            self._known[labels.tobytes()] = bounds[0], bounds[1], int(count)
+            self._evaluated[labels.tobytes()] = bounds[0], bounds[1], int(count)
 
     def is_known(self, labels: Bits) -> bool:
-        return labels.tobytes() in self._known
+        return labels.tobytes() in self._evaluated
 
     def in_pool(self, labels: Bits) -> bool:
         return labels.tobytes() in self._rows
@@ -489,39 +489,39 @@ class FieldIncumbents:
         """Add labellings (m,) with stored bounds to the pool; return the new ones (k, m)."""
         new = [labels for labels in labellings if not self.in_pool(labels)]
         added = np.array(new, dtype=bool).reshape(len(new), len(self._space.fixed))
-        known = np.array([self._known[labels.tobytes()] for labels in new]).reshape(-1, 3)
+        bounds = np.array([self._evaluated[labels.tobytes()] for labels in new]).reshape(-1, 3)
         for labels in new:
             self._rows[labels.tobytes()] = len(self._rows)
-        self.pool.add(added, known[:, 0], known[:, 1])
-        self.counts = np.concatenate([self.counts, known[:, 2]])
+        self.pool.add(added, bounds[:, 0], bounds[:, 1])
+        self.counts = np.concatenate([self.counts, bounds[:, 2]])
         return added
 
     def best(self) -> dict[int, float]:
         """Return the largest proven factor of each count; −inf where no layout is proven to stand."""
-        found: dict[int, float] = {}
-        for low, _, count in self._known.values():
-            found[count] = max(low, found.get(count, -math.inf))
+        lows: dict[int, float] = {}
+        for low, _, count in self._evaluated.values():
+            lows[count] = max(low, lows.get(count, -math.inf))
         for low, count in zip(self.pool.low().tolist(), self.counts.tolist(), strict=True):
-            found[int(count)] = max(low, found.get(int(count), -math.inf))
-        return found
+            lows[int(count)] = max(low, lows.get(int(count), -math.inf))
+        return lows
 
-    def promising(self, target: int | Range | None, over: float, number: int, alike: float) -> list[Bits]:
+    def promising(self, target: int | Range | None, above: float, number: int, tolerance: float) -> list[Bits]:
         """Choose evaluated labellings of a target to refine, greatest lower bounds first."""
         # Only those with a lower bound above 0 are taken.
-        rows = [(-low, key, count) for key, (low, high, count) in self._known.items() if low > 0.0 and high > over]
+        rows = [(-low, key, count) for key, (low, high, count) in self._evaluated.items() if low > 0.0 and high > above]
         rows.sort()
         inside = holds(target, np.array([count for *_, count in rows]))
         chosen: list[Bits] = []
         last = -math.inf
-        for (weaker, key, _), within in zip(rows, inside.tolist(), strict=True):
-            if within and weaker - last > alike * abs(weaker):
+        for (negative_low, key, _), within in zip(rows, inside.tolist(), strict=True):
+            if within and negative_low - last > tolerance * abs(negative_low):
                 chosen.append(np.frombuffer(key, dtype=bool))
-                last = weaker
+                last = negative_low
         return chosen[:number]
 
     def strongest(self, number: int) -> tuple[Bits, Floats]:
         """Return at most `number` labellings (k, m) of greatest finite lower bounds, with these (k,)."""
-        lows = {key: low for key, (low, *_) in self._known.items()}
+        lows = {key: low for key, (low, *_) in self._evaluated.items()}
         for key, low in zip(self._rows, self.pool.low().tolist(), strict=True):
             lows[key] = max(low, lows.get(key, -math.inf))
         stands = sorted((-low, key) for key, low in lows.items() if math.isfinite(low))[:number]
@@ -534,18 +534,17 @@ _KEPT_RELAXATIONS: Final = 4  # number of meshes whose programs a process keeps
 # Single faces tried in vain on each mesh before a conflict is accepted. With three on the finest mesh alone the 4 × 6
 # wall of 20 kPa takes over 168 s of processor time instead of 131 s.
 _TRIES: Final = 1
-
 _SHORT: Final = 5  # number of faces of a conflict up to which finer meshes are not tried to shorten it
 
 
-class _Kept(threading.local):
+class _ThreadRelaxations(threading.local):
     """Relaxations that a thread keeps, by proof and level, the latest at the end."""
 
     def __init__(self) -> None:
         self.relaxations: OrderedDict[tuple[str, int], FieldRelaxation] = OrderedDict()
 
 
-_kept = _Kept()
+_thread = _ThreadRelaxations()
 
 
 @dataclass(frozen=True)
@@ -578,31 +577,31 @@ def level_conflict(setup: ProofSetup, labels: Bits, threshold: float, levels: tu
     """Refute a factor for a labelling (m,), and minimise it to the conflict of fewest faces."""
     # The first level that refutes it gives a conflict; finer levels then try to shorten it.
     solves, last = 0, len(setup.levels) - 1
-    first, level, found = -1, -1, None
-    for place in range(last + 1):
-        if (found is None and place not in levels) or (found is not None and len(found.faces) <= _SHORT):
+    first, level, best = -1, -1, None
+    for tried in range(last + 1):
+        if (best is None and tried not in levels) or (best is not None and len(best.faces) <= _SHORT):
             continue
-        relaxation = _relaxation(setup, place)
+        relaxation = _relaxation(setup, tried)
         before = relaxation.solves
-        decided = None if found is None else np.isin(np.arange(len(labels)), found.faces)
-        one = conflict_of(relaxation, labels, setup.free, threshold, _TRIES, decided)
+        faces_left = None if best is None else np.isin(np.arange(len(labels)), best.faces)
+        conflict = conflict_of(relaxation, labels, setup.free, threshold, _TRIES, faces_left)
         solves += relaxation.solves - before
-        if one is not None and (found is None or len(one.faces) < len(found.faces)):
-            first, level, found = (place if found is None else first), place, one
-    return LevelConflict(first, level, found, solves)
+        if conflict is not None and (best is None or len(conflict.faces) < len(best.faces)):
+            first, level, best = (tried if best is None else first), tried, conflict
+    return LevelConflict(first, level, best, solves)
 
 
 def _relaxation(setup: ProofSetup, level: int) -> FieldRelaxation:
     """Return the relaxation on the meshes of a level, which this thread keeps for a while."""
     # The order of its problems is reset, so that results do not depend on earlier tasks.
-    name, known = (setup.name, level), _kept.relaxations
-    if name not in known:
-        known[name] = FieldRelaxation(setup.problems(level))
-        while len(known) > _KEPT_RELAXATIONS:
-            known.popitem(last=False)
-    known.move_to_end(name)
-    known[name].restart()
-    return known[name]
+    key, relaxations = (setup.name, level), _thread.relaxations
+    if key not in relaxations:
+        relaxations[key] = FieldRelaxation(setup.problems(level))
+        while len(relaxations) > _KEPT_RELAXATIONS:
+            relaxations.popitem(last=False)
+    relaxations.move_to_end(key)
+    relaxations[key].restart()
+    return relaxations[key]
 
 
 @one_thread()
@@ -622,8 +621,8 @@ def refuting_step(
 def _whole_conflict(fields: Fields, required: float, free: Bools) -> Conflict | None:
     if fields.velocity is None:
         return None
-    found = mechanism_bounds(fields.upper, fields.velocity.velocity)
-    bound = np.inf if found is None else found.bound_of(fields.labels, np.zeros_like(free)) / required
+    mechanism = mechanism_bounds(fields.upper, fields.velocity.velocity)
+    bound = np.inf if mechanism is None else mechanism.bound_of(fields.labels, np.zeros_like(free)) / required
     if not np.isfinite(bound):
         return None
     faces = np.flatnonzero(free)
@@ -631,9 +630,7 @@ def _whole_conflict(fields: Fields, required: float, free: Bools) -> Conflict | 
 
 
 _FADING: Final = 0.1  # weight of the last labelling in the share of labellings that a mesh refutes
-
 _RARELY: Final = 0.1  # share of labellings refuted by a mesh below which it is left out
-
 _AGAIN: Final = 8  # A mesh that is left out is still tried once in this number of batches
 
 
@@ -677,9 +674,11 @@ class FieldRefuter:
             return math.inf
         labels, undecided = self._labels.copy(), self.free.copy()
         labels[conflict.faces], undecided[conflict.faces] = conflict.labels, False
-        one = conflict.mechanism
+        mechanism = conflict.mechanism
         return float(
-            self.relaxation.evaluate_mechanisms(one.case, one.velocity[None], labels[None], undecided[None])[0]
+            self.relaxation.evaluate_mechanisms(
+                mechanism.case, mechanism.velocity[None], labels[None], undecided[None]
+            )[0]
         )
 
     def common(self, case: int) -> CommonMeshes:
@@ -688,8 +687,8 @@ class FieldRefuter:
 
     def refute_on(self, meshes: Sequence[CommonMeshes]) -> None:
         """Refute labellings on some finer meshes too from now on, beside the coarsest."""
-        places = dict.fromkeys(zip(*(mesh.shared for mesh in meshes), strict=True))
-        levels = tuple(tuple(one.meshes[k] for one, k in zip(meshes, row, strict=True)) for row in places)
+        positions = dict.fromkeys(zip(*(common.shared for common in meshes), strict=True))
+        levels = tuple(tuple(common.meshes[k] for common, k in zip(meshes, row, strict=True)) for row in positions)
         self._setup = replace(self._setup, levels=levels)
         self._share = [1.0] * len(levels)
         for level in range(1, len(levels)):
@@ -700,18 +699,18 @@ class FieldRefuter:
     def refute(self, labellings: Sequence[Bits], threshold: float, tasks: Pool) -> list[Conflict | None]:
         """Prove that labellings carry less than a governing factor: a conflict each, None if unproven."""
         levels = self._levels()
-        found = list(tasks.run(level_conflict, [(self._setup, labels, threshold, levels) for labels in labellings]))
-        self.programs += sum(one.solves for one in found)
+        results = list(tasks.run(level_conflict, [(self._setup, labels, threshold, levels) for labels in labellings]))
+        self.programs += sum(result.solves for result in results)
         conflicts: list[Conflict | None] = []
-        for one in found:
+        for result in results:
             # The level that refuted the labelling, and coarser ones that did not, shift the shares by which `_levels`
             # picks.
-            for level in levels[: levels.index(one.first) + 1 if one.first >= 0 else None]:
-                self._share[level] += _FADING * ((level == one.first) - self._share[level])
-            conflict = one.conflict
+            for level in levels[: levels.index(result.first) + 1 if result.first >= 0 else None]:
+                self._share[level] += _FADING * ((level == result.first) - self._share[level])
+            conflict = result.conflict
             # `case` counts from the first problem of the level; in a proof it is the position among all problems
             if conflict is not None and conflict.mechanism is not None:
-                number = conflict.mechanism.case + self._first[one.level]
+                number = conflict.mechanism.case + self._first[result.level]
                 conflict = replace(conflict, mechanism=replace(conflict.mechanism, case=number))
             conflicts.append(conflict)
         return conflicts
@@ -719,8 +718,8 @@ class FieldRefuter:
     def _levels(self) -> tuple[int, ...]:
         """Return the levels of meshes to try first; those that rarely refute only at intervals."""
         self._batches += 1
-        again = not self._batches % _AGAIN
-        return tuple(level for level, share in enumerate(self._share) if share >= _RARELY or again)
+        try_all = not self._batches % _AGAIN
+        return tuple(level for level, share in enumerate(self._share) if share >= _RARELY or try_all)
 
     def context(self) -> FieldProofContext:
         """Return the data for the check of a proof, which weighs all mechanisms again."""

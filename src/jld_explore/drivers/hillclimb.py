@@ -50,9 +50,9 @@ class HillClimb(Searcher):
     ) -> None:
         """Set up `climbers` runs of `neighbours` changes a round, which restart after `rounds` without gain."""
         super().__init__(space, seed, climbers * neighbours)
-        self.neighbours, self.rounds, self.begin_at = neighbours, rounds, start
+        self.neighbours, self.rounds, self.start_text = neighbours, rounds, start
         self._runs = [_Run() for _ in range(climbers)]
-        self._owner: dict[bytes, int] = {}
+        self._run_of_key: dict[bytes, int] = {}
         self._first: Bits | None = None
         if start is not None:
             faces = space.assembly.faces
@@ -64,7 +64,7 @@ class HillClimb(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        return {} if self.begin_at is None else {"start": self.begin_at}
+        return {} if self.start_text is None else {"start": self.start_text}
 
     def propose(self) -> Bits:
         # Runs that restart give one random labelling. The first call has the given start, if any, and changes of it.
@@ -87,7 +87,7 @@ class HillClimb(Searcher):
                     run = self._runs[number] = _Run()
             if run.labelling is None:
                 rows = self.fresh(self.draw, 1)
-            self._owner.update((key, number) for key in keys(rows))
+            self._run_of_key.update((key, number) for key in keys(rows))
             batches.append(rows)
         return np.concatenate(batches)
 
@@ -96,18 +96,18 @@ class HillClimb(Searcher):
         self._first = None
         start = self.register.admit(first[None])
         near = self.fresh(lambda count: self.operators.vary(np.repeat(start, count, axis=0), self.rng), self.size - 1)
-        self._owner.update((key, _EVERY_RUN) for key in keys(start))
-        self._owner.update((key, k % len(self._runs)) for k, key in enumerate(keys(near)))
+        self._run_of_key.update((key, _EVERY_RUN) for key in keys(start))
+        self._run_of_key.update((key, k % len(self._runs)) for k, key in enumerate(keys(near)))
         return np.concatenate([start, near])
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         # each run moves to its best change, if that is better; labellings of no run are ignored
         values = objective_values(self.space, labellings, evaluations).tolist()
-        for key, labels, found, aim in zip(keys(labellings), labellings, evaluations, values, strict=True):
-            number = self._owner.pop(key, None)
+        for key, labels, evaluation, value in zip(keys(labellings), labellings, evaluations, values, strict=True):
+            number = self._run_of_key.pop(key, None)
             if number is None:
                 continue
-            found_key = sort_key(found, aim)
+            new_key = sort_key(evaluation, value)
             for run in self._runs if number == _EVERY_RUN else [self._runs[number]]:
-                if found_key < run.sort_key:
-                    run.labelling, run.sort_key, run.stalled = labels, found_key, 0
+                if new_key < run.sort_key:
+                    run.labelling, run.sort_key, run.stalled = labels, new_key, 0

@@ -33,12 +33,10 @@ if TYPE_CHECKING:
 
 # default storage in the folder of a study: a journal; a database takes 58 ms a trial, this 4 ms
 FILE: Final = "optuna.journal"
-
 _RETRIES: Final = 4  # number of retries to open a database in which another search is creating its tables
 
 # Packages that some samplers need and that the project does not require
 _PACKAGES: Final = {"cmaes": "cmaes", "gp": "torch"}
-
 _SEED_BOUND: Final = 2**32  # bound on seeds of the library: each is below this number
 
 # Exceptions of the library for a journal file that is damaged or in another format
@@ -51,25 +49,25 @@ _NOT_FOR_KEYS: Final = ("Base", "BaseGA", "BruteForce", "Grid", "PartialFixed")
 def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler]:
     """Return the proper name and an Optuna sampler; InputError if it is unknown or lacks a package."""
 
-    def plain(text: str) -> str:
+    def normalized(text: str) -> str:
         """Return a name in lower case, without hyphens and the ending "sampler"."""
         return re.sub(r"[^a-z0-9]", "", text.lower()).removesuffix("sampler")
 
     import optuna  # imported in functions because the import is slow and few users need it
 
     names = [other.removesuffix("Sampler") for other in dir(optuna.samplers) if other.endswith("Sampler")]
-    known = {plain(other): other for other in sorted(names) if other not in _NOT_FOR_KEYS}
-    if plain(name) not in known:
-        raise ParameterError("sampler", f"no sampler is named {name!r}", "one of " + ", ".join(known.values()))
-    needed = _PACKAGES.get(plain(name))
+    sampler_names = {normalized(other): other for other in sorted(names) if other not in _NOT_FOR_KEYS}
+    if normalized(name) not in sampler_names:
+        raise ParameterError("sampler", f"no sampler is named {name!r}", "one of " + ", ".join(sampler_names.values()))
+    needed = _PACKAGES.get(normalized(name))
     if needed is not None and importlib.util.find_spec(needed) is None:
-        problem = f"{known[plain(name)]} needs the package {needed}, which is not installed"
+        problem = f"{sampler_names[normalized(name)]} needs the package {needed}, which is not installed"
         raise ParameterError("sampler", problem, "another sampler, or that package")
-    kind: Any = getattr(optuna.samplers, known[plain(name)] + "Sampler")
+    kind: Any = getattr(optuna.samplers, sampler_names[normalized(name)] + "Sampler")
     if seed >= _SEED_BOUND:  # the generators of the library accept smaller seeds only
         seed = int(np.random.SeedSequence(seed).generate_state(1)[0])
     sampler: optuna.samplers.BaseSampler = kind(seed=seed)
-    return known[plain(name)], sampler
+    return sampler_names[normalized(name)], sampler
 
 
 class OptunaOptions(DriverOptions):
@@ -92,24 +90,24 @@ class Optuna(Searcher):
 
         super().__init__(space, seed, size)
         optuna.logging.set_verbosity(optuna.logging.WARNING)  # the log of the library would mix with the output of jld
-        self.sampler, chosen = make_sampler(sampler, seed)
+        self.sampler, sampler_of_library = make_sampler(sampler, seed)
         self.objective_count = 1 + len(space.search.front.axes) if self.sampler.startswith("NSGA") else 1
         self._directions = [StudyDirection.MINIMIZE] * self.objective_count
-        self._study = optuna.create_study(sampler=chosen, directions=self._directions)
-        self._copy = StorageCopy(storage, self._directions)
-        width = len(str(self.operators.keys))
+        self._study = optuna.create_study(sampler=sampler_of_library, directions=self._directions)
+        self._storage_copy = StorageCopy(storage, self._directions)
+        digits = len(str(self.operators.keys))
         self._space: dict[str, BaseDistribution] = {
-            f"key{number:0{width}d}": FloatDistribution(0.0, 1.0) for number in range(self.operators.keys)
+            f"key{number:0{digits}d}": FloatDistribution(0.0, 1.0) for number in range(self.operators.keys)
         }
-        self._known: dict[bytes, tuple[Evaluation, list[float]]] = {}
+        self._evaluated: dict[bytes, tuple[Evaluation, list[float]]] = {}
         self._waiting: dict[bytes, list[Trial]] = {}
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         if records is not None:
-            known = records.header
-            scene, objective = str(known.get("scene"))[:12], known.get("objective")
+            header = records.header
+            scene, objective = str(header.get("scene"))[:12], header.get("objective")
             facts = (self.space.assembly.name, scene, objective, self.sampler, self.seed)
-            self._copy.open("jld " + " ".join(str(fact) for fact in facts), records.folder / FILE)
+            self._storage_copy.open("jld " + " ".join(str(fact) for fact in facts), records.folder / FILE)
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -125,10 +123,10 @@ class Optuna(Searcher):
             trial = self._study.ask(self._space)
             row = self.operators.read(np.array([[trial.params[name] for name in self._space]]))[0]
             if not len(row):
-                self._copy.add(self._study.tell(trial, state=TrialState.PRUNED), {})
+                self._storage_copy.add(self._study.tell(trial, state=TrialState.PRUNED), {})
                 continue
             key = keys(canonical(row, self.space.group))[0]
-            if key in self._known:
+            if key in self._evaluated:
                 self._finish(trial, key, row[0])
                 continue
             self._waiting.setdefault(key, []).append(trial)
@@ -144,32 +142,32 @@ class Optuna(Searcher):
         if not len(labellings):
             return
         values = objectives(self.space, labellings, evaluations)[:, : self.objective_count].tolist()
-        for key, labels, found, value in zip(keys(labellings), labellings, evaluations, values, strict=True):
-            self._known[key] = found, value
+        for key, labels, evaluation, value in zip(keys(labellings), labellings, evaluations, values, strict=True):
+            self._evaluated[key] = evaluation, value
             trials = self._waiting.pop(key, [])
             for trial in trials:
                 self._finish(trial, key, labels)
             if not trials:
-                self._add(labels, found, value)
-        self._copy.write()
+                self._add(labels, evaluation, value)
+        self._storage_copy.write()
 
     def _finish(self, trial: Trial, key: bytes, labels: Bits) -> None:
         """Finish a trial with the known evaluation of its class, and queue it for the storage."""
         from optuna.trial import TrialState
 
-        found, value = self._known[key]
-        if found.status is Status.COLLAPSE:
+        evaluation, value = self._evaluated[key]
+        if evaluation.status is Status.COLLAPSE:
             frozen = self._study.tell(trial, value)
         else:
             frozen = self._study.tell(trial, state=TrialState.PRUNED)
-        self._copy.add(frozen, _attributes(labels, found))
+        self._storage_copy.add(frozen, _attributes(labels, evaluation))
 
-    def _add(self, labels: Bits, found: Evaluation, value: list[float]) -> None:
+    def _add(self, labels: Bits, evaluation: Evaluation, value: list[float]) -> None:
         """Add a finished trial for labels (m,) that no trial proposed."""
         from optuna.trial import TrialState, create_trial
 
         params = dict(zip(self._space, self.operators.write(labels[None])[0].tolist(), strict=True))
-        collapsed = found.status is Status.COLLAPSE
+        collapsed = evaluation.status is Status.COLLAPSE
         frozen = create_trial(
             state=TrialState.COMPLETE if collapsed else TrialState.PRUNED,
             values=value if collapsed else None,
@@ -178,11 +176,11 @@ class Optuna(Searcher):
         )
         if self._enumeration is None:
             self._study.add_trial(frozen)
-        self._copy.add(frozen, _attributes(labels, found))
+        self._storage_copy.add(frozen, _attributes(labels, evaluation))
 
 
-def _attributes(labels: Bits, found: Evaluation) -> dict[str, Any]:
-    return {"labelling": to_string(labels), "status": str(found.status)}
+def _attributes(labels: Bits, evaluation: Evaluation) -> dict[str, Any]:
+    return {"labelling": to_string(labels), "status": str(evaluation.status)}
 
 
 class StorageCopy:
@@ -247,12 +245,12 @@ def _storage(url: str) -> Any:
     from optuna.storages import RDBStorage
     from sqlalchemy.exc import ArgumentError, IntegrityError, ProgrammingError, SQLAlchemyError
 
-    for left in range(_RETRIES, -1, -1):
+    for retries_left in range(_RETRIES, -1, -1):
         try:
             return RDBStorage(url)
         except (IntegrityError, ProgrammingError) as error:
             # searches that start at the same time on an empty database create the same tables; one succeeds
-            if not left:
+            if not retries_left:
                 raise _unusable(url, error) from None
             time.sleep(0.5)
         except (ArgumentError, SQLAlchemyError, ImportError) as error:
@@ -268,10 +266,10 @@ def _journal(file: Path) -> Any:
 
     file.with_name(f"{file.name}.lock").unlink(missing_ok=True)
     if file.exists():
-        whole = file.read_bytes()
-        if not whole.endswith(b"\n"):
-            with file.open("r+b") as torn:
-                torn.truncate(whole.rfind(b"\n") + 1)
+        content = file.read_bytes()
+        if not content.endswith(b"\n"):
+            with file.open("r+b") as stream:
+                stream.truncate(content.rfind(b"\n") + 1)
     return JournalStorage(JournalFileBackend(str(file), JournalFileOpenLock(str(file))))
 
 

@@ -30,7 +30,6 @@ from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.space.search_space import SearchSpace
 
 LEAST_SECONDS: Final = 5.0  # shortest time of a search with a proof beside it; its process takes two seconds to start
-
 _SIDE_SECONDS: Final = 6e-4  # time of the program for each side of a block; 40 000 to 77 000 sides took 24 to 48 s
 _SIDE_MEMORY: Final = 16e3  # memory of the program for each side of a block, bytes
 _CAPPED: Final = 0.1  # share of the time left for the second program, of normal forces that are bounded
@@ -41,7 +40,7 @@ _TURN: Final = 1.0  # time after which the exact driver reports, s
 _NICE: Final = 5  # the search goes first where it uses every core
 
 
-class Found(NamedTuple):
+class ProofStatus(NamedTuple):
     """What the process has proven, scene units, and the strongest layout (m,) it knows, with its lower bound."""
 
     bound: float = math.inf
@@ -52,20 +51,20 @@ class Found(NamedTuple):
 
 
 class ProofBeside:
-    """Proof in a process of its own; `found` is what it has sent."""
+    """Proof in a process of its own; `status` is what it has sent."""
 
     def __init__(self, space: SearchSpace, model: SolveOptions, blocks: BlockSpace | None, until: Deadline) -> None:
-        self.found = Found()
+        self.status = ProofStatus()
         self._pool, self._until = Pool(1), until
         work = cloudpickle.dumps((space, model, blocks))
-        self._future: Future[Found] | None = self._pool.submit(_begin, work, self._left)
+        self._future: Future[ProofStatus] | None = self._pool.submit(_begin_proof, work, self._left)
         self.first = True  # while the bound at the root may still come
 
     @classmethod
     def of(cls, space: SearchSpace, model: SolveOptions, deadline: Deadline) -> ProofBeside | None:
         """Start the process for a search; None where nothing can be proven in its time."""
-        left = deadline.remaining()
-        if not LEAST_SECONDS <= left < math.inf or space.void is not None:
+        seconds = deadline.remaining()
+        if not LEAST_SECONDS <= seconds < math.inf or space.void is not None:
             return None
         if not model.supports_bounds_over_labellings:
             return None
@@ -75,20 +74,20 @@ class ProofBeside:
     def _left(self) -> float:
         return self._until.remaining()
 
-    def poll(self, best: Bits | None, seconds: float = 0.0) -> Found:
+    def poll(self, best: Bits | None, seconds: float = 0.0) -> ProofStatus:
         """Return what is proven, after waiting for the next message up to some seconds; best (m,): of the search."""
         future = self._future
         if future is None or not done_in([future], seconds):
-            return self.found
+            return self.status
         self._future, self.first = None, False
         try:
-            self.found = future.result()
-            if not self.found.done and self._left > _TURN:
-                self._future = self._pool.submit(_go_on, best, self._left)
+            self.status = future.result()
+            if not self.status.done and self._left > _TURN:
+                self._future = self._pool.submit(_continue_proof, best, self._left)
         except Exception as error:
             if not is_lost(error):  # a process that is killed costs its proof alone
                 raise
-        return self.found
+        return self.status
 
     def close(self) -> None:
         """End the process; what has not come is lost."""
@@ -115,96 +114,98 @@ class _Proof:
 
     def __init__(self, space: SearchSpace, model: SolveOptions, blocks: BlockSpace | None) -> None:
         self.space, self.model, self.blocks = space, model, blocks
-        self.found = Found()
+        self.status = ProofStatus()
         self.driver: Exact | None = None
-        self.given: Bits | None = None
+        self.search_best: Bits | None = None
         self._thread: threading.Thread | None = None
 
-    def at_root(self, deadline: Deadline) -> Found:
+    def at_root(self, deadline: Deadline) -> ProofStatus:
         """Solve the block relaxation of all possible blocks; below normal forces that no stronger layout exceeds."""
-        whole = relaxation_of(self.space.assembly)
-        if self.blocks is None or whole is None:
-            return self.found
-        most = min(whole.bound(self.space.fixed, self.space.candidates), self.found.bound / whole.unit)
-        least = max(self.found.low / whole.unit, 0.0)
+        by_faces = relaxation_of(self.space.assembly)
+        if self.blocks is None or by_faces is None:
+            return self.status
+        most = min(by_faces.bound(self.space.fixed, self.space.candidates), self.status.bound / by_faces.unit)
+        least = max(self.status.low / by_faces.unit, 0.0)
         if least > 0.0 and _SIDE_SECONDS * sides_of(self.space, self.blocks.blocks) > _CAPPED * deadline.remaining():
-            return self.found
-        caps = self._caps(whole, least, most, deadline) if least > 0.0 else []
+            return self.status
+        caps = self._caps(by_faces, least, most, deadline) if least > 0.0 else []
         if caps is not None:
             relaxation = self.blocks.relaxation((), deadline.remaining(), caps)
             every = np.ones(len(self.blocks.blocks), dtype=bool)
-            bound = float(relaxation.bound_all([(every, 0.0, most)])[0].bound * whole.unit)
-            if math.isfinite(bound) and bound < self.found.bound:
-                self.found = self.found._replace(bound=max(bound, self.found.low), by="block by block")
-        return self.found
+            bound = float(relaxation.bound_all([(every, 0.0, most)])[0].bound * by_faces.unit)
+            if math.isfinite(bound) and bound < self.status.bound:
+                self.status = self.status._replace(bound=max(bound, self.status.low), by="block by block")
+        return self.status
 
-    def _caps(self, whole: AnyRelaxation, least: float, most: float, deadline: Deadline) -> list[Floats] | None:
+    def _caps(self, by_faces: AnyRelaxation, least: float, most: float, deadline: Deadline) -> list[Floats] | None:
         """Bound the normal forces (m,) of layouts from `least` to `most`, for each case; None where that gives none."""
-        found = []
+        limits = []
         for case, required in zip(self.space.assembly.by_case, self.space.assembly.required, strict=True):
             try:
                 caps = NormalCaps(LimitAnalysis(case), self.space.fixed, self.space.candidates)
             except TypeError:
                 return None
             unit = caps.unit / (float(required) if self.space.assembly.cases else 1.0)
-            caps.tighten(least * whole.unit / unit * (1.0 - 1e-12), most * whole.unit / unit * (1.0 + 1e-12), deadline)
-            found.append(caps.caps)
-        return found
+            caps.tighten(
+                least * by_faces.unit / unit * (1.0 - 1e-12), most * by_faces.unit / unit * (1.0 + 1e-12), deadline
+            )
+            limits.append(caps.caps)
+        return limits
 
     def prove(self, deadline: Deadline) -> None:
-        """Run the exact driver until it ends or the deadline passes, in a thread that `_go_on` looks at."""
+        """Run the exact driver until it ends or the deadline passes, in a thread that `_continue_proof` looks at."""
         driver = self.driver = Exact(self.space)
         evaluator = evaluator_of(self.space.assembly, EvaluatorSettings(self.model))
         standing = Standing(self.space.assembly, self.model)
 
-        def evaluated(labellings: Bits) -> tuple[Bits, list[Evaluation]]:
+        def evaluate(labellings: Bits) -> tuple[Bits, list[Evaluation]]:
             """Evaluate labellings (k, m) as far as time allows, and keep the strongest."""
             evaluations = evaluator.evaluate_all(labellings, deadline=deadline)
             labellings = labellings[: len(evaluations)]
-            told = standing.told(labellings, evaluations)
-            for labels, one in zip(labellings, told, strict=True):
-                if one.status is Status.COLLAPSE and one.low > self.found.low:
-                    self.found = self.found._replace(labels=labels.copy(), low=one.low)
-            return labellings, told
+            judged = standing.told(labellings, evaluations)
+            for labels, evaluation in zip(labellings, judged, strict=True):
+                if evaluation.status is Status.COLLAPSE and evaluation.low > self.status.low:
+                    self.status = self.status._replace(labels=labels.copy(), low=evaluation.low)
+            return labellings, judged
 
         with suppress(DeadlinePassed), deadline.enforced():
-            best, self.given = self.given, None
+            best, self.search_best = self.search_best, None
             if best is not None:
-                evaluated(best[None])
+                evaluate(best[None])
                 self.at_root(deadline)
             self.blocks = None  # its memory goes to the driver
             driver.start(deadline, lambda: None)
-            while len(asked := driver.ask()):
-                driver.tell(*evaluated(asked))
-                best, self.given = self.given, None
+            while len(proposed := driver.ask()):
+                driver.tell(*evaluate(proposed))
+                best, self.search_best = self.search_best, None
                 if best is not None:
-                    driver.restore(*evaluated(best[None]))
+                    driver.restore(*evaluate(best[None]))
 
-    def now(self, best: Bits | None, seconds: float) -> Found:
+    def poll(self, best: Bits | None, seconds: float) -> ProofStatus:
         """Return what is known after some seconds, or once the exact driver has ended; best (m,): of the search."""
-        self.given = best
+        self.search_best = best
         if self._thread is None:
             deadline = Deadline(seconds)
             self._thread = threading.Thread(target=self.prove, args=(deadline,), daemon=True)
             self._thread.start()
         self._thread.join(min(_TURN, seconds))
-        found, done = self.found, not self._thread.is_alive()
+        status, done = self.status, not self._thread.is_alive()
         bound = None if self.driver is None else self.driver.bound
-        if self.driver is not None and bound is not None and bound < found.bound:
-            found = found._replace(bound=bound, by=self.driver.name)
-        return found._replace(done=done)
+        if self.driver is not None and bound is not None and bound < status.bound:
+            status = status._replace(bound=bound, by=self.driver.name)
+        return status._replace(done=done)
 
 
 @one_thread()
-def _begin(work: bytes, seconds: float) -> Found:
+def _begin_proof(work: bytes, seconds: float) -> ProofStatus:
     os.nice(_NICE)
     _Proof.current = _Proof(*pickle.loads(work))
     return _Proof.current.at_root(Deadline(seconds))
 
 
 @one_thread()
-def _go_on(best: Bits | None, seconds: float) -> Found:
+def _continue_proof(best: Bits | None, seconds: float) -> ProofStatus:
     """Go on with the proof for a while, of the seconds that are left."""
     if _Proof.current is None:
         raise RuntimeError("the process has not begun")
-    return _Proof.current.now(best, seconds)
+    return _Proof.current.poll(best, seconds)

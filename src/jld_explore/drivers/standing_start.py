@@ -21,13 +21,13 @@ from jld_explore.drivers.base import Driver
 from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.space.search_space import SearchSpace
 
-_FIRST: Final = 64  # layouts of the search itself of which none stands before others are looked at
-_SHARES: Final = (0.25, 4.0)  # layouts looked at for each one of the search, without and with success of late
-_STRETCH: Final = 256  # layouts looked at after which success is judged
+_FALLEN_FIRST: Final = 64  # layouts of the search itself of which none stands before others are looked at
+_LAYOUT_SHARES: Final = (0.25, 4.0)  # layouts looked at for each one of the search, without and with success of late
+_JUDGED_AFTER: Final = 256  # layouts looked at after which success is judged
 _GAIN: Final = 0.02  # relative loss of the least bond among them that counts as one
-_LANES: Final = 8  # layouts solved between two looks at the deadline
-_MOST: Final = 30.0  # largest bond looked at, in dead load per volume times the size of the structure
-_NONE: Final = 1e-5  # bond up to which a layout counts as standing, likewise; its evaluation decides
+_BATCH: Final = 8  # layouts solved between two looks at the deadline
+_LARGEST_BOND: Final = 30.0  # largest bond looked at, in dead load per volume times the size of the structure
+_STANDS: Final = 1e-5  # bond up to which a layout counts as standing, likewise; its evaluation decides
 
 
 class StandingStart:
@@ -37,85 +37,87 @@ class StandingStart:
         self._space, self._search = space, search
         self._driver: Driver | None = None
         self._analyses: list[LimitAnalysis] = []
-        self._fallen, self._due, self._looked, self._share = 0, 0.0, 0, _SHARES[1]
-        self._least = self._before = math.inf  # least bond, and that when success was judged last
-        self._over = False
+        self._fallen, self._due, self._looked, self._share = 0, 0.0, 0, _LAYOUT_SHARES[1]
+        self._least_bond = self._least_before = math.inf  # least bond, and that when success was judged last
+        self._ended = False
 
     def watch(self, evaluations: Sequence[Evaluation]) -> None:
         """Count evaluations of the search; the first layout that stands, or may, ends the start."""
-        self._over = self._over or any(one.status is not Status.UNSTABLE for one in evaluations)
+        self._ended = self._ended or any(evaluation.status is not Status.UNSTABLE for evaluation in evaluations)
         self._fallen += len(evaluations)
         self._due += self._share * len(evaluations)
 
     def rows(self) -> Bits:
         """Return layouts (k, m) that should stand, if there are some among as many as are due."""
-        found = np.empty((0, len(self._space.fixed)), dtype=bool)
-        if self._over:
+        standing = np.empty((0, len(self._space.fixed)), dtype=bool)
+        if self._ended:
             self._driver, self._analyses = None, []
-        if self._over or self._fallen < _FIRST or self._due < 1.0:
-            return found
-        self._driver = driver = self._driver or self._made()
-        while driver is not None and self._due >= 1.0 and not len(found):
+        if self._ended or self._fallen < _FALLEN_FIRST or self._due < 1.0:
+            return standing
+        self._driver = driver = self._driver or self._make_driver()
+        while driver is not None and self._due >= 1.0 and not len(standing):
             checkpoint()
-            if not len(asked := driver.ask()):
+            if not len(labellings := driver.ask()):
                 driver = None
                 break
-            found = self._told(driver, asked)
-            self._due, self._looked = self._due - len(asked), self._looked + len(asked)
-            if self._looked >= _STRETCH or len(found):  # what should stand and does not is no success
-                self._share = _SHARES[self._least < (1.0 - _GAIN) * self._before and not len(found)]
-                self._looked, self._before = 0, self._least
-        self._over = driver is None
-        return found
+            standing = self._tell_bonds(driver, labellings)
+            self._due, self._looked = self._due - len(labellings), self._looked + len(labellings)
+            if self._looked >= _JUDGED_AFTER or len(standing):  # what should stand and does not is no success
+                self._share = _LAYOUT_SHARES[
+                    self._least_bond < (1.0 - _GAIN) * self._least_before and not len(standing)
+                ]
+                self._looked, self._least_before = 0, self._least_bond
+        self._ended = driver is None
+        return standing
 
-    def _made(self) -> Driver | None:
+    def _make_driver(self) -> Driver | None:
         """Return a driver of the layouts under a bond; None without dead load, all cells or a batch solver."""
         if self._space.void is not None or not self._space.assembly.total_dead:
             return None
         glued = _glued(self._space.assembly)
         self._analyses = [LimitAnalysis(case) for case in glued.by_case]
-        if any(one.batch is None for one in self._analyses):
+        if any(analysis.batch is None for analysis in self._analyses):
             return None
-        own = replace(self._space, assembly=glued)
-        own.__dict__.update(limits=self._space.limits, laying=self._space.laying)  # loads do not matter to them
-        return self._search(own)
+        glued_space = replace(self._space, assembly=glued)
+        glued_space.__dict__.update(limits=self._space.limits, laying=self._space.laying)  # loads do not matter to them
+        return self._search(glued_space)
 
-    def _told(self, driver: Driver, rows: Bits) -> Bits:
+    def _tell_bonds(self, driver: Driver, rows: Bits) -> Bits:
         """Tell the driver of labellings (k, m), better for less bond; return those that should stand."""
         bond, cases = self._bonds(rows)
-        values = (1.0 / np.maximum(bond, _NONE)).tolist()
+        values = (1.0 / np.maximum(bond, _STANDS)).tolist()
         governing = cases.tolist() if self._analyses[1:] else [-1] * len(rows)
         pairs = zip(values, governing, strict=True)
-        driver.tell(rows, [Evaluation(Status.COLLAPSE, one, one, one, governing=case) for one, case in pairs])
-        self._least = min(self._least, float(bond.min()))
-        return np.asarray(rows[bond <= _NONE])
+        driver.tell(rows, [Evaluation(Status.COLLAPSE, score, score, score, governing=case) for score, case in pairs])
+        self._least_bond = min(self._least_bond, float(bond.min()))
+        return np.asarray(rows[bond <= _STANDS])
 
     def _bonds(self, labellings: Bits) -> tuple[Floats, Ints]:
-        """Return the bond that labellings (k, m) lack, in the unit of `_MOST`, and the case that lacks most: (k,)."""
-        found = np.full((len(self._analyses), len(labellings)), 2.0 * _MOST)
-        for own, analysis in zip(found, self._analyses, strict=True):
+        """Return the bond that labellings (k, m) lack, as `_LARGEST_BOND`, and the case that lacks most: (k,)."""
+        bonds = np.full((len(self._analyses), len(labellings)), 2.0 * _LARGEST_BOND)
+        for bonds_of_case, analysis in zip(bonds, self._analyses, strict=True):
             assert analysis.batch is not None
             parts = []
-            for first in range(0, len(labellings), _LANES):
+            for first in range(0, len(labellings), _BATCH):
                 checkpoint()
-                parts.append(analysis.batch.solve(labellings[first : first + _LANES]))
+                parts.append(analysis.batch.solve(labellings[first : first + _BATCH]))
             answer = BatchResults.joined(parts)
-            known = (answer.verdict != FALLS) & np.isfinite(answer.low)
-            own[known] = _MOST * (1.0 - analysis.template.scaling.load * answer.low[known])
-            own[answer.verdict == LOCKED] = 0.0
-        return found.max(axis=0), found.argmax(axis=0)
+            bounded = (answer.verdict != FALLS) & np.isfinite(answer.low)
+            bonds_of_case[bounded] = _LARGEST_BOND * (1.0 - analysis.template.scaling.load * answer.low[bounded])
+            bonds_of_case[answer.verdict == LOCKED] = 0.0
+        return bonds.max(axis=0), bonds.argmax(axis=0)
 
 
 def _glued(assembly: Assembly) -> Assembly:
-    """Return an assembly under dead load and a bond of `_MOST`, which a load factor of 1 takes away."""
+    """Return an assembly under dead load and a bond of `_LARGEST_BOND`, which a load factor of 1 takes away."""
     # With N + t A in the place of N a bond t of dry faces is a load that pulls both sides of every face together; what
     # inner faces gain by that goes to zero with t. One program gives the least t at which a layout stands.
     elements = assembly.elements
     unit = assembly.total_dead / float(elements.volume[elements.free].sum()) * assembly.size
-    pull = bond_pull(assembly, _MOST * unit * assembly.interfaces.area * ~assembly.of_members)
+    pull = bond_pull(assembly, _LARGEST_BOND * unit * assembly.interfaces.area * ~assembly.of_members)
     bond, release = Loads.of_resultants(pull), Loads.of_resultants(-pull)
     dead = list({case.dead.tobytes(): case.dead_loads + bond for case in assembly.by_case}.values())
-    cases = tuple(LoadCase(str(k), one, release) for k, one in enumerate(dead))
+    cases = tuple(LoadCase(str(k), loads, release) for k, loads in enumerate(dead))
     return replace(
         assembly,
         cases=cases if cases[1:] else (),

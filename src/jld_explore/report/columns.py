@@ -181,7 +181,6 @@ def csv_of(table: pd.DataFrame) -> str:
 PROVEN: Final = "proven"  # evidence that no layout carries more, or as much with a better count
 FOUND: Final = "found"  # evidence of a point that is the best found by a search for it
 VISITED: Final = "visited"  # evidence of a point that was evaluated during a search with another aim
-
 COLUMN: Final = "evidence"  # name of the column of the evidence
 
 
@@ -197,19 +196,19 @@ def front_rows(
     # Counts are those on the front and those of the driver's own front. Each row has count, load_factor, bound, proven
     # and evidence ("proven", "found" or "visited"). With two counts `count` is a list. The strongest layout alone is
     # proven the best of its count, and not on the front: one with a better count may carry as much.
-    given = {row["count"]: row for row in summary.get("front") or [] if not isinstance(row["count"], list)}
-    rows, told = [], list(given.values())
+    unpaired = {row["count"]: row for row in summary.get("front") or [] if not isinstance(row["count"], list)}
+    rows, points = [], list(unpaired.values())
     sign = 1.0 if axes[0][1] == "max" else -1.0
     for key, group in front.groupby([name for name, _ in axes]):
         values = key if isinstance(key, tuple) else (key,)
         value = _value(values)
         best = group.sort_values("load_factor", ascending=False, kind="stable").iloc[0]
-        known = given.pop(value, None) if len(values) == 1 else None
+        point = unpaired.pop(value, None) if len(values) == 1 else None
         # Of several tied rows, the one on the front may have a slightly smaller λ.
         strongest = bool(best["rank"] == 1 or best["bracket_hi"] >= summary["best"])
-        rivals = [] if known is None else [row for row in told if sign * row["count"] >= sign * known["count"]]
+        rivals = [] if point is None else [row for row in points if sign * row["count"] >= sign * point["count"]]
         sure = bool(complete or (rivals and all(row["proven"] for row in rivals)))
-        bound = (known or {}).get("bound")
+        bound = (point or {}).get("bound")
         if bound is None and (sure or (strongest and summary["proven"])):
             bound = summary["bound"] if strongest and not complete else best["bracket_hi"]
         rows.append(
@@ -222,8 +221,8 @@ def front_rows(
             }
         )
     # Counts whose best is dominated are not on the front, but their bounds are known.
-    rest = [{**row, COLUMN: PROVEN if row["proven"] else FOUND} for row in given.values()]
-    return sorted([*rows, *rest], key=lambda row: row["count"] if isinstance(row["count"], list) else [row["count"]])
+    others = [{**row, COLUMN: PROVEN if row["proven"] else FOUND} for row in unpaired.values()]
+    return sorted([*rows, *others], key=lambda row: row["count"] if isinstance(row["count"], list) else [row["count"]])
 
 
 def _value(values: Sequence[Any]) -> Any:
@@ -236,15 +235,15 @@ def known_front(front: pd.DataFrame) -> tuple[pd.DataFrame, Bools]:
     """Return the rows of a front with better evidence than "visited", and (k,) whether proven."""
     if COLUMN not in front:
         return front, np.zeros(len(front), dtype=bool)
-    known = front[front[COLUMN] != VISITED]
-    return known, (known[COLUMN] == PROVEN).to_numpy()
+    evident = front[front[COLUMN] != VISITED]
+    return evident, (evident[COLUMN] == PROVEN).to_numpy()
 
 
 def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any], counts: Sequence[str]) -> pd.DataFrame:
     """Return a front with its column `evidence`, from the entry `front` of a summary."""
-    told = summary.get("front") or []
-    known = {str(row["count"]): row.get(COLUMN, PROVEN if row["proven"] else FOUND) for row in told}
-    return front.assign(**{COLUMN: [known.get(str(value), VISITED) for value in values_on(front, counts)]})
+    points = summary.get("front") or []
+    evidence = {str(row["count"]): row.get(COLUMN, PROVEN if row["proven"] else FOUND) for row in points}
+    return front.assign(**{COLUMN: [evidence.get(str(value), VISITED) for value in values_on(front, counts)]})
 
 
 def values_on(front: pd.DataFrame, counts: Sequence[str]) -> list[Any]:
@@ -268,8 +267,8 @@ def rounded(values: Any, digits: int = PLACES) -> Any:
     decimals = np.where(usual, digits - 1 - exponent, 0.0)
     # Division by a power of ten gives the double nearest to the decimal number, which prints short; a product does not.
     power = 10.0 ** abs(decimals)
-    whole = np.round(np.where(decimals >= 0, array * power, array / power))
-    short = np.where(decimals >= 0, whole / power, whole * power)
+    integer = np.round(np.where(decimals >= 0, array * power, array / power))
+    short = np.where(decimals >= 0, integer / power, integer * power)
     return _plain(np.where(usual & np.isfinite(power), short, array))
 
 

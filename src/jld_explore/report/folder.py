@@ -34,9 +34,7 @@ if TYPE_CHECKING:
 
 # pictures of a search, in the order in which they are drawn
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
-
 SHOWN: Final = PICTURES[:2]  # those that a search draws unasked
-
 PATH: Final = "path"  # picture of λ along the paths of moving loads
 
 # what would prove the result of a search with cracks beside the faces
@@ -79,13 +77,13 @@ def check_folder(folder: Path, resume: bool) -> None:
 def check_certificate_file(path: Path, folder: Path) -> None:
     """Raise InputError if a certificate cannot be written there, or would replace a file of the search."""
     option, expected = "certificate", "a file in a folder that can be written into"
-    place, results = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
-    if place == results or path.is_dir():
+    target, results = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
+    if target == results or path.is_dir():
         raise ParameterError(option, f"{path} is a folder", "a file")
-    if place.parent == results and place.name in RESERVED:
+    if target.parent == results and target.name in RESERVED:
         raise ParameterError(option, f"the search writes {path} itself", "another name")
     try:
-        require_writable(place)
+        require_writable(target)
     except OSError as error:
         raise ParameterError(option, f"{path} cannot be written ({error.strerror})", expected) from None
 

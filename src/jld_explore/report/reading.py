@@ -78,16 +78,16 @@ class Exploration(NotebookRepr):
 
     def __repr__(self) -> str:
         best, proven = self.summary.best, ", proven" if self.summary.proven else ""
-        found = (
+        outcome = (
             "none ranked"
             if best is None
             else f"best λ = {best:.9g}{proven}, cracks {cracks_in_short(self.scene.cracks)}"
         )
         if best is not None and self.scene.cracks == "faces" and self.summary.by_fields is not None:
             low, high = ("none" if end is None else f"{end:.4g}" for end in self.summary.by_fields)
-            found += f", [{low}, {high}] by fields"
-        found += ", falls without live load" if self.summary.stands_at_zero is False else ""
-        return f"Exploration({self.scene.name!r}, {len(self.results)} classes, {found}, in {self.folder})"
+            outcome += f", [{low}, {high}] by fields"
+        outcome += ", falls without live load" if self.summary.stands_at_zero is False else ""
+        return f"Exploration({self.scene.name!r}, {len(self.results)} classes, {outcome}, in {self.folder})"
 
     def plot(self) -> Figure:
         """Draw λ against the counts of the front, with the layouts on the front.
@@ -267,14 +267,14 @@ def read_folder(folder: str | Path) -> Exploration:
     for name in (RECORDS_FILE, "scene.json", table.name, "summary.json"):
         if not (folder / name).exists():
             if (folder / RECORDS_FILE).exists() and (folder / "scene.json").exists():
-                again = f"jld explore {folder / 'scene.json'} --out {folder} --resume, with its first options, ends it"
+                resume = f"jld explore {folder / 'scene.json'} --out {folder} --resume, with its first options, ends it"
                 problem = f"{name} is missing: the search was killed, or is still running"
-                raise InputError(str(folder), problem, f"one that ended; {again}")
+                raise InputError(str(folder), problem, f"one that ended; {resume}")
             raise InputError(str(folder), f"{name} is missing", "a folder written by jld explore")
     scene = load_scene(folder / "scene.json")
-    known = recorded(folder / RECORDS_FILE)
+    record = recorded(folder / RECORDS_FILE)
     # another version of jld may find scenes by another digest
-    if known.get("versions") == versions() and known.get("scene") != scene.fingerprint:
+    if record.get("versions") == versions() and record.get("scene") != scene.fingerprint:
         remedy = "the file as jld explore wrote it, or a new folder for another scene"
         raise InputError(str(folder / "scene.json"), "it is not the scene of the search in this folder", remedy)
     try:
@@ -315,10 +315,10 @@ def history_of(folder: Path) -> pd.DataFrame | None:
 def _summary(path: Path, faces: int) -> dict[str, Any]:
     """Read and validate summary.json; raise InputError if it is damaged or of another scene."""
     try:
-        found = json_of(path.read_text(encoding="utf-8"))
-        if not isinstance(found, dict):
+        content = json_of(path.read_text(encoding="utf-8"))
+        if not isinstance(content, dict):
             raise _damaged(path, "it holds no JSON object")
-        _Summary.model_validate(found)
+        _Summary.model_validate(content)
     except InputError:
         raise
     except ValidationError as error:
@@ -327,10 +327,10 @@ def _summary(path: Path, faces: int) -> dict[str, Any]:
         raise InputError(f"{path}: {key}" if key else str(path), str(first["msg"]).lower(), LEFT) from None
     except ValueError as error:
         raise _damaged(path, str(error)) from None
-    if found["best_labelling"] is not None and not is_labelling(found["best_labelling"], faces):
+    if content["best_labelling"] is not None and not is_labelling(content["best_labelling"], faces):
         raise InputError(f"{path}: best_labelling", "it is of another scene", f"{faces} letters d, i or v")
-    known: dict[str, Any] = found
-    return known
+    facts: dict[str, Any] = content
+    return facts
 
 
 def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
@@ -359,13 +359,13 @@ def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
 
 def _model(path: Path, facts: dict[str, Any]) -> SolveOptions:
     """Return the model of a summary, with the default solver in place of a custom one."""
-    known = dict(facts)
-    if known.get("solver") not in SOLVERS:
-        known["solver"] = "auto"
-    if known.get("inner_bending") == "paper":  # folders of version 0.2
-        known["inner_bending"] = "uncoupled"
+    options = dict(facts)
+    if options.get("solver") not in SOLVERS:
+        options["solver"] = "auto"
+    if options.get("inner_bending") == "paper":  # folders of version 0.2
+        options["inner_bending"] = "uncoupled"
     try:
-        return SolveOptions(**known)
+        return SolveOptions(**options)
     except TypeError as error:
         raise InputError(f"{path}: model", str(error).partition("() ")[2] or str(error), LEFT) from None
     except InputError as error:

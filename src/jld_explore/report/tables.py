@@ -108,9 +108,10 @@ class Summary:
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> Summary:
         """Make a summary from the content of summary.json; TypeError if a field without default is missing."""
-        known = {one.name for one in fields(cls)} - {"facts", "warnings"}
-        found = [*facts.get("warnings", []), *(facts.get("fields") or {}).get("findings", [])]
-        return cls(**{name: value for name, value in facts.items() if name in known}, warnings=found, facts=dict(facts))
+        names = {entry.name for entry in fields(cls)} - {"facts", "warnings"}
+        warnings = [*facts.get("warnings", []), *(facts.get("fields") or {}).get("findings", [])]
+        entries = {name: value for name, value in facts.items() if name in names}
+        return cls(**entries, warnings=warnings, facts=dict(facts))
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of summary.json as a new dict."""
@@ -155,10 +156,10 @@ def requirement_entries(table: pd.DataFrame, search: Search, *, complete: bool, 
     open_rows = table[~table[MEETS] & table["status"].isin([str(status) for status in open_status])]
     high = open_rows["bracket_hi"].to_numpy(float)
     # Undecided layouts matter only if their count is better.
-    may = ~(high < search.require.threshold) & (open_rows["settled"] != BOUND).to_numpy(bool)
+    may_meet = ~(high < search.require.threshold) & (open_rows["settled"] != BOUND).to_numpy(bool)
     better = _signed_count(open_rows, search) < (np.inf if best is None else float(np.min(sign)))
-    proven = finished or (complete and not np.any(may & better))
-    found: dict[str, Any] = {
+    proven = finished or (complete and not np.any(may_meet & better))
+    entry: dict[str, Any] = {
         "load_factor": search.require.load_factor,
         "count": count,
         "sense": sense,
@@ -168,7 +169,7 @@ def requirement_entries(table: pd.DataFrame, search: Search, *, complete: bool, 
         "best_labelling": None if best is None else str(best["labelling"]),
         "proven": proven,
     }
-    return {"require": found, "proven": proven}
+    return {"require": entry, "proven": proven}
 
 
 def requirement_words(require: dict[str, Any]) -> str:
@@ -197,12 +198,10 @@ def _plain(value: Any) -> float | int:
 
 
 CSV_FILE: Final = "results.csv"  # table for people and spreadsheets
-
 PARQUET_FILE: Final = "results.parquet"  # table that programs read
 
 # most rows written as CSV unasked: a million take 280 MB and 10 s, four times as much as Parquet
 CSV_ROWS: Final = 100_000
-
 WITH_PARQUET: Final = "pip install 'jld[parquet]'"  # installs what Parquet needs
 
 # Columns of texts, which CSV does not tell from numbers
@@ -273,7 +272,6 @@ def _without_apostrophe(value: object) -> object:
 
 
 _TOGETHER: Final = 1 << 24  # number of comparisons made at once, which limits temporary memory
-
 _DIGITS: Final = 12  # decimal digits to which counts are compared, relative to the largest count
 
 
@@ -293,8 +291,8 @@ def on_front(load_factors: Floats, counts: Floats, *senses: str) -> Bools:
     group = group.reshape(-1)
     best = np.full(len(level), -np.inf)
     np.maximum.at(best, group, load_factors[rows])
-    kept = _unbeaten(best, level)
-    mask[rows] = kept[group] & (load_factors[rows] == best[group])
+    unbeaten = _unbeaten(best, level)
+    mask[rows] = unbeaten[group] & (load_factors[rows] == best[group])
     return mask
 
 
@@ -304,22 +302,19 @@ def _unbeaten(best: Floats, level: Floats) -> Bools:
         # Levels ascend, so rows with better counts follow.
         behind = np.maximum.accumulate(best[::-1])[::-1]
         return best > np.concatenate([behind[1:], [-np.inf]])
-    kept = np.empty(len(best), dtype=bool)
+    unbeaten = np.empty(len(best), dtype=bool)
     step = max(1, _TOGETHER // (len(best) * level.shape[1]))
     for low in range(0, len(best), step):
         part = slice(low, low + step)
         beaten = (best >= best[part, None]) & (level >= level[part, None]).all(axis=2)
         # Each row dominates itself in this comparison.
-        kept[part] = beaten.sum(axis=1) == 1
-    return kept
+        unbeaten[part] = beaten.sum(axis=1) == 1
+    return unbeaten
 
 
 CONVERGENCE: Final = "convergence.csv"  # file name of the convergence table
-
 LOCKED: Final = "nothing: a locked layout carries any load"  # entry `bound_by` of a summary without a bound
-
 STANDS: Final = "stands_at_zero"  # column, and entry of the summary, on layouts that stand under their dead load alone
-
 _SLICE: Final = 1 << 15  # number of labellings turned into texts at a time, which limits temporary memory
 
 
@@ -386,31 +381,31 @@ def results_table(
         "seconds": rows["seconds"],
     }
     table = pd.DataFrame(columns)
-    place = np.array([ORDER.index(status) for status in Status], dtype=np.int64)[rows["status"]]
-    group, level = _ties(np.where((place == 0) & ~falls, load_factor, np.nan), rows["low"], rows["high"])
-    last, lower = _ties(np.where((place == 0) & falls, load_factor, np.nan), rows["low"], rows["high"])
+    state = np.array([ORDER.index(status) for status in Status], dtype=np.int64)[rows["status"]]
+    group, level = _ties(np.where((state == 0) & ~falls, load_factor, np.nan), rows["low"], rows["high"])
+    last, lower = _ties(np.where((state == 0) & falls, load_factor, np.nan), rows["low"], rows["high"])
     group = np.where(last > 0, last + group.max(initial=0), group)
     level = np.where(lower > 0, lower + level.max(initial=0), level)
     # Sort ties by simplicity, using the counts with terms: fewer blocks, then fewer dry faces.
     simple = [table[count.name].to_numpy() for count in registered() if count.terms is not None]
-    wanted = requirement_sort_keys(table, space.search)
-    places = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, level, group, *wanted, falls, place))
-    table = table.iloc[places].reset_index(drop=True)
-    packed = packed[places]
+    required = requirement_sort_keys(table, space.search)
+    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, level, group, *required, falls, state))
+    table = table.iloc[order].reset_index(drop=True)
+    packed = packed[order]
     void = space.void
     texts = _texts(packed, records.faces, assembly.faces) if void is None else void.texts(unpack(packed, records.faces))
     table.insert(0, "labelling", texts)
-    table.insert(table.columns.to_list().index("bracket_hi") + 1, "status", statuses(rows)[places])
-    known = pd.Series(pd.arrays.BooleanArray(~falls[places], np.isnan(stands)[places]))
-    table.insert(table.columns.to_list().index("status") + 1, STANDS, known)
-    table.insert(table.columns.to_list().index("seconds"), "settled", settled(rows)[places])
+    table.insert(table.columns.to_list().index("bracket_hi") + 1, "status", statuses(rows)[order])
+    stands_column = pd.Series(pd.arrays.BooleanArray(~falls[order], np.isnan(stands)[order]))
+    table.insert(table.columns.to_list().index("status") + 1, STANDS, stands_column)
+    table.insert(table.columns.to_list().index("seconds"), "settled", settled(rows)[order])
     table["driver"] = driver
     _insert_late(table, late, unpack(packed, records.faces), space, deadline)
     # Tied rows share the rank of the first of them.
-    ranked = int(np.count_nonzero(place == 0))
-    alike = np.array([key[places] for key in (group, *wanted, falls)])
-    first = np.r_[True, (alike[:, 1:] != alike[:, :-1]).any(axis=0)][: len(places)]
-    number = np.maximum.accumulate(np.where(first, np.arange(1, len(table) + 1), 0)) if len(table) else places
+    ranked = int(np.count_nonzero(state == 0))
+    alike = np.array([key[order] for key in (group, *required, falls)])
+    first = np.r_[True, (alike[:, 1:] != alike[:, :-1]).any(axis=0)][: len(order)]
+    number = np.maximum.accumulate(np.where(first, np.arange(1, len(table) + 1), 0)) if len(table) else order
     unranked = np.arange(len(table)) >= ranked
     table.insert(0, "rank", pd.Series(pd.arrays.IntegerArray(number.astype(np.int64), unranked)))
     return table
@@ -448,11 +443,11 @@ def _insert_late(
 
     for count in late:
         values = values_until(count, space.assembly, labellings, space.graph, space.limits.block_shapes, deadline)
-        known = pd.Series(values)
-        if known.isna().any():
-            known = known.astype("Int64" if count.integer else "Float64")
+        column = pd.Series(values)
+        if column.isna().any():
+            column = column.astype("Int64" if count.integer else "Float64")
         before = registered()[registered().index(count) - 1].name
-        table.insert(int(table.columns.to_list().index(before)) + 1, count.name, known)
+        table.insert(int(table.columns.to_list().index(before)) + 1, count.name, column)
 
 
 def _texts(packed: NDArray[np.uint8], interfaces: int, faces: int) -> pd.Series[str]:
@@ -469,8 +464,8 @@ def _texts(packed: NDArray[np.uint8], interfaces: int, faces: int) -> pd.Series[
 
     ends = np.arange(len(packed) + 1, dtype=np.int64) * faces
     column = pa.Array.from_buffers(pa.large_string(), len(packed), [None, pa.py_buffer(ends), pa.py_buffer(letters)])
-    found: pd.Series[str] = pa.table({"labelling": column}).to_pandas()["labelling"]
-    return found
+    texts: pd.Series[str] = pa.table({"labelling": column}).to_pandas()["labelling"]
+    return texts
 
 
 def nominal_of_best(results: pd.DataFrame) -> float | None:
@@ -536,9 +531,9 @@ def convergence_table(records: Records | RefinedRecords) -> pd.DataFrame:
     best = np.fmax.accumulate(value) if len(value) else value
     before = np.concatenate([[np.nan], best[:-1]])
     last = np.arange(len(rows)) == len(rows) - 1
-    kept = (np.isfinite(best) & ~(best <= before)) | last
+    shown = (np.isfinite(best) & ~(best <= before)) | last
     seconds = np.cumsum(rows["seconds"])
-    table = {"solves": np.flatnonzero(kept) + 1, "seconds": seconds[kept], "best": best[kept]}
+    table = {"solves": np.flatnonzero(shown) + 1, "seconds": seconds[shown], "best": best[shown]}
     return pd.DataFrame(table)
 
 
@@ -562,8 +557,8 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         bound = float(ranked["bracket_hi"].max())
     if stands is False and (bound is not None or driver.finished):
         # a driver that proves that no layout stands has evaluated all that carry the live load nevertheless
-        known = -math.inf if bound is None or driver.finished else bound
-        bound = max(float(ranked["bracket_hi"].max()), known)
+        known_bound = -math.inf if bound is None or driver.finished else bound
+        bound = max(float(ranked["bracket_hi"].max()), known_bound)
     if unbounded:  # a driver may have a bound on all others
         bound = None
     if bound is not None and not ranked.empty:

@@ -46,15 +46,15 @@ STOPPED: Final = {
 }
 
 
-def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
+def assembly(scene: Scene, structure: Assembly, space: SearchSpace) -> str:
     """Describe an assembly and its search space for `jld check`."""
     spots = int(np.count_nonzero(space.candidates))
     return aligned(
         {
             "scene": scene.name,
-            **facts_of_assembly(found),
-            **weight_facts(scene, found),
-            "candidates": f"{spots} of {found.faces} faces may be dry or inner; a labelling says which",
+            **facts_of_assembly(structure),
+            **weight_facts(scene, structure),
+            "candidates": f"{spots} of {structure.faces} faces may be dry or inner; a labelling says which",
             "symmetries": f"{len(space.group)} (with the identity); labellings alike by symmetry are one class",
         }
     )
@@ -63,8 +63,8 @@ def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
 def columns(done: Exploration) -> list[str]:
     """Return the names of the columns that a terminal or notebook shows of a study's results."""
     falls = [STANDS] if STANDS in done.results and not done.results[STANDS].fillna(True).all() else []
-    whole = [count.name for count in registered() if count.integer]
-    counted = dict.fromkeys([*whole, *(name for name, _ in done.scene.search.front.axes)])
+    integer_counts = [count.name for count in registered() if count.integer]
+    counted = dict.fromkeys([*integer_counts, *(name for name, _ in done.scene.search.front.axes)])
     return ["rank", "load_factor", "bracket_lo", "bracket_hi", *falls, *counted, "labelling"]
 
 
@@ -103,8 +103,8 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     if "race" in facts and facts["stop_reason"] == "proven" and not facts["proven"]:
         ended = "proven to the gap" if facts["race"]["decided"] else "nothing left to refine"
     # those of the assembly were printed when the search began
-    said = (*done.assembly.warnings, *done.assembly.notes)
-    complaints = [line for line in facts.get("warnings", []) if line not in said]
+    announced = (*done.assembly.warnings, *done.assembly.notes)
+    complaints = [line for line in facts.get("warnings", []) if line not in announced]
     falls = 0 if facts.get(STANDS) is False else facts.get("falling", 0)
     once = f"those alike by symmetry once ({facts['labellings']} labellings)"
     return {
@@ -190,13 +190,13 @@ def apart(done: Exploration) -> dict[str, str]:
     # A text has their number, the meaning of the status, and the command that shows the first. Statuses that no layout
     # has are left out.
     status = done.results["status"]
-    found = {}
+    texts = {}
     for name, meaning in MEANINGS.items():
         rows = np.flatnonzero((status == name) & (done.results["settled"] != BOUND))
         if len(rows):
             how = f"; jld solve {done.folder} --rank {rows[0] + 1} shows the first"
-            found[name] = f"{len(rows)} layout{'s' if len(rows) > 1 else ''}: {meaning}{how}"
-    return found
+            texts[name] = f"{len(rows)} layout{'s' if len(rows) > 1 else ''}: {meaning}{how}"
+    return texts
 
 
 def exploration(done: Exploration) -> str:

@@ -31,9 +31,8 @@ from jld_explore.space.search_space import SearchSpace
 CLASSES: Final = "classes (layouts, those alike by symmetry once)"
 """Term "classes" with its explanation, used where it first appears."""
 
-_SAYING: Final = 1.0  # longest time to find out which stage of laying falls first, for a message, s
-
-_MAKING: Final = 1.0  # time to make a driver once the time of a search is over, s
+_STAGE_SECONDS: Final = 1.0  # longest time to find out which stage of laying falls first, for a message, s
+_MAKING_SECONDS: Final = 1.0  # time to make a driver once the time of a search is over, s
 
 # Share of the remaining time for counting the classes of a space; a slower count means that the space is large.
 COUNTING: Final = 0.06
@@ -44,45 +43,45 @@ def choose_driver(
     settings: ExploreSettings,
     deadline: Deadline | None = None,
     *,
-    many: bool = False,
+    bounded: bool = True,
     cracks_by_fields: FieldCracks | None = None,
 ) -> tuple[Driver, int | None]:
-    """Return the driver, and the number of classes of a small space; many: no proof by faces alone unless named."""
-    # An objective of its own, an experiment or a reliability is not bounded by mechanisms: it counts as many.
-    wanted = settings.driver
-    if isinstance(wanted, str):
-        driver_named(wanted)
+    """Return the driver, and the number of classes of a small space; bounded: mechanisms bound the objective."""
+    # They bound no objective of the user, no experiment and no reliability.
+    driver = settings.driver
+    if isinstance(driver, str):
+        driver_named(driver)
     # A driver chosen by name needs the size of the space for progress reports only. Spaces beyond the reach of a proof
     # are hardly ever small, and the genetic driver comes to the end of those that are.
-    quick = isinstance(wanted, str) and wanted != Enumeration.name
-    quick |= wanted is None and int(space.candidates.sum()) > REACH
+    quick_count = isinstance(driver, str) and driver != Enumeration.name
+    quick_count |= driver is None and int(space.candidates.sum()) > REACH
     deadline = Deadline() if deadline is None else deadline
-    known = None
+    class_count = None
     with suppress(DeadlinePassed), deadline.within(COUNTING * deadline.remaining()).enforced():
-        known = size_up_to(space, settings.small, quick=quick) if settings.small else None
-    if known == 0:
-        raise nothing_found(space)
-    if isinstance(wanted, Driver):
-        return wanted, known
-    if wanted is None:
-        several = settings.experiment is not None or settings.reliability is not None
-        many = many or settings.by_experiment or several or settings.own_objective is not None
+        class_count = size_up_to(space, settings.small, quick=quick_count) if settings.small else None
+    if class_count == 0:
+        raise no_layout_error(space)
+    if isinstance(driver, Driver):
+        return driver, class_count
+    if driver is None:
+        ranked_otherwise = settings.experiment is not None or settings.reliability is not None
+        bounded &= not (settings.by_experiment or ranked_otherwise or settings.own_objective is not None)
         make: Callable[[], Driver] = partial(
-            driver_for, space, settings.seed, settings.model, known, settings.options, many=many
+            driver_for, space, settings.seed, settings.model, class_count, settings.options, bounded=bounded
         )
-    elif wanted == FieldExact.name and cracks_by_fields is not None:
+    elif driver == FieldExact.name and cracks_by_fields is not None:
         make = partial(FieldExact.to_gap, cracks_by_fields.gap, space, settings.seed, settings.options)
     else:
-        make = partial(make_driver, wanted, space, settings.seed, **settings.options)
+        make = partial(make_driver, driver, space, settings.seed, **settings.options)
     # The exact driver prepares for its space in a share of the time left. Where none is left it is made once more, in
     # a second: preparation ends by itself within its share.
-    for limit in (deadline, Deadline(_MAKING)):
+    for limit in (deadline, Deadline(_MAKING_SECONDS)):
         with suppress(DeadlinePassed), limit.enforced():
-            return make(), known
-    raise nothing_found(space, settings.seconds)
+            return make(), class_count
+    raise no_layout_error(space, settings.seconds)
 
 
-def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputError:
+def no_layout_error(space: SearchSpace, seconds: float | None = None) -> InputError:
     """Return the InputError for a search without any layout; it says whether the space is proven empty."""
     where, problem, remedy = "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
     if seconds is not None:
@@ -90,31 +89,31 @@ def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputErro
     open_question = "" if seconds is None else f" within {seconds:.3g} s, nor a proof that there is none"
     if space.laying is not None and space.laying.refused:
         standing = space.search.assemble == "standing"
-        wish = "stands at every stage without props" if standing else "can be laid"
+        demand = "stands at every stage without props" if standing else "can be laid"
         where = "search.assemble"
-        within = "" if seconds is None else f" of {space.laying.refused} that were looked at"
-        aside = space.assembly.dimension == 2 and not space.search.assemble_out_of_plane
-        remedy = "assemble_out_of_plane, or no such limit" if aside else "no such limit"
+        among = "" if seconds is None else f" of {space.laying.refused} that were looked at"
+        in_plane = space.assembly.dimension == 2 and not space.search.assemble_out_of_plane
+        remedy = "assemble_out_of_plane, or no such limit" if in_plane else "no such limit"
         remedy = '"translation", with centring' if standing else remedy
-        problem = f"no layout{within} {wish}"
+        problem = f"no layout{among} {demand}"
         if seconds is None and space.laying.undecided:
-            problem = f"no layout was found that {wish}"
+            problem = f"no layout was found that {demand}"
             open_question = f", and for {space.laying.undecided} of them the search for an order stopped at its limit"
-        farthest = space.laying.words_of_farthest(_SAYING) if standing else None
+        farthest = space.laying.words_of_farthest(_STAGE_SECONDS) if standing else None
         if farthest is not None:
             open_question += f"; the one that gets farthest falls at {farthest}"
     return InputError(where, problem + open_question, remedy if seconds is None else f"{remedy}, or more seconds")
 
 
-def affordable_settings(assembly: Assembly, settings: ExploreSettings, said: list[str]) -> ExploreSettings:
+def affordable_settings(assembly: Assembly, settings: ExploreSettings, messages: list[str]) -> ExploreSettings:
     """Return settings with as many jobs as memory allows, with messages; InputError for too little."""
-    effort = require_memory(assembly)
-    jobs = max(1, min(settings.jobs, int(memory_limit() / effort.memory))) if settings.jobs > 1 else 1
+    cost = require_memory(assembly)
+    jobs = max(1, min(settings.jobs, int(memory_limit() / cost.memory))) if settings.jobs > 1 else 1
     if jobs < settings.jobs:
-        said.append(f"jobs: {jobs} of {settings.jobs}, as each takes some {effort.memory / 1e9:.1f} GB of memory")
-    if effort.long is not None:
+        messages.append(f"jobs: {jobs} of {settings.jobs}, as each takes some {cost.memory / 1e9:.1f} GB of memory")
+    if cost.long is not None:
         limit = "" if settings.seconds is None else "; the time limit may be passed by that"
-        said.append(f"{effort.long}{limit}")
+        messages.append(f"{cost.long}{limit}")
     return replace(settings, jobs=jobs)
 
 
@@ -149,7 +148,7 @@ def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None
         return
     driver = settings.driver
     proves = driver.modular if isinstance(driver, Driver) else driver == Exact.name
-    for name, asked in (
+    for name, is_set in (
         ("`driver`", proves),
         ("`certificate`", settings.certificate is not None),
         ("`robust`", settings.robust),
@@ -157,7 +156,7 @@ def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None
         ("search.void", scene.search.void is not None),
         ("search.require", scene.search.require is not None),
     ):
-        if asked:
+        if is_set:
             raise ParameterError("objective", f"{name} needs λ, and the objective is a function", "one of both")
 
 
@@ -167,14 +166,14 @@ def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Asse
     if scene.cracks == "faces":
         return
     fields = isinstance(scene.cracks, FieldCracks)
-    for option, asked in (
+    for option, is_set in (
         ("certificate", settings.certificate is not None),
         ("experiment", settings.experiment is not None or settings.by_experiment),
         ("objective", settings.own_objective is not None and fields),
         ("search.void", scene.search.void is not None),
         ("search.assemble", scene.search.assemble == "standing"),
     ):
-        if asked:
+        if is_set:
             raise ParameterError(
                 option, "it supports cracks by faces only", 'a search without it, or "cracks": "faces"'
             )
@@ -207,9 +206,9 @@ def refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, dr
 
 def refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:
     """Raise InputError for options that need a single structure if cells may be left out."""
-    for option, asked in (
+    for option, is_set in (
         ("experiment", settings.experiment is not None or settings.by_experiment),
         ("driver", driver.modular),
     ):
-        if asked:
+        if is_set:
             raise ParameterError(option, "it needs one structure, and search.void leaves cells out", "a search without")

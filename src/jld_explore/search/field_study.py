@@ -47,7 +47,7 @@ class FieldStudy(Study):
     """Study of a scene whose blocks may crack anywhere."""
 
     race: RaceResult | None = None
-    _complete = False
+    _complete = False  # whether every layout of the space is in the race
     _refined: RefinedRecords | None = None
 
     @property
@@ -57,14 +57,14 @@ class FieldStudy(Study):
             raise RuntimeError("a study by fields needs a scene that cracks by fields")
         return cracks.gap
 
-    def _told(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
+    def _with_standing(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
         """Return evaluations as they are: a bound by fields is no λ at which the layout is known to stand."""
         return evaluations
 
     @property
     def evaluation_seconds(self) -> float:
         """Return the expected processor time of one evaluation on the coarsest mesh, s."""
-        triangles = sum(len(self.assembly.elements.shape[one]) - 2 for one in self.assembly.elements.free)
+        triangles = sum(len(self.assembly.elements.shape[element]) - 2 for element in self.assembly.elements.free)
         return len(self.assembly.by_case) * mesh_seconds(COARSE_RATE, triangles)
 
     @property
@@ -91,7 +91,7 @@ class FieldStudy(Study):
         finally:
             try:
                 if pool is not None:
-                    self._record(pool)
+                    self._record_bounds(pool)
             finally:
                 self.driver.close()
                 self.records.close()
@@ -100,18 +100,18 @@ class FieldStudy(Study):
 
     def _run_search(self) -> StopReason:
         """Search on the coarsest mesh, then race the layouts found."""
-        whole = self.deadline
-        if whole.limited:
-            self._until(whole.earlier((1.0 - _SEARCHED) * whole.remaining()))
+        deadline = self.deadline
+        if deadline.limited:
+            self._set_deadline(deadline.earlier((1.0 - _SEARCHED) * deadline.remaining()))
         reason = super().run()
-        self._until(whole)
+        self._set_deadline(deadline)
         self._complete = reason is StopReason.EXHAUSTED
-        self._open_again()
+        self._reopen_records()
         pool = self._pool(unpack(self.records.rows["labelling"], len(self.assembly.interfaces)))
         try:
             self._race(pool)
         finally:
-            self._record(pool)
+            self._record_bounds(pool)
             self.records.close()
         return reason
 
@@ -121,31 +121,31 @@ class FieldStudy(Study):
         try:
             return super().run()
         finally:
-            self._open_again()
+            self._reopen_records()
             pool = self._pool(unpack(self.records.rows["labelling"], len(self.assembly.interfaces)))
             pool.take_from(driver.pool)
             pool.cap(driver.bounds_above(pool.labellings))
             self.race = FieldRace(pool, self.gap).result()
-            self._record(pool)
+            self._record_bounds(pool)
             self.records.close()
 
-    def _count(self, evaluations: list[Evaluation], labellings: Bits) -> None:
+    def _update_progress(self, evaluations: list[Evaluation], labellings: Bits) -> None:
         """Update progress by new evaluations, and by the best bound of a proof so far."""
         if isinstance(self.driver, FieldExact) and self.driver.best >= 0.0 and not self.driver.best <= self._best:
             self._best = float(self.driver.best)  # the driver names its layout at the end
-        super()._count(evaluations, labellings)
+        super()._update_progress(evaluations, labellings)
 
-    def _until(self, deadline: Any) -> None:
-        self.deadline, self._end = deadline, deadline.end
+    def _set_deadline(self, deadline: Any) -> None:
+        self.deadline, self._search_end = deadline, deadline.end
 
-    def _open_again(self) -> None:
+    def _reopen_records(self) -> None:
         self.records, self._refined = self.open_records(), None
 
     def _race(self, pool: FieldPool) -> None:
         """Refine the layouts of a pool until the aim of the search is reached or time is up."""
         try:
-            shown = partial(self._shown, pool.labellings)
-            self.race = FieldRace(pool, self.gap, shown, self._aim(pool.labellings)).run()
+            report = partial(self._report_race, pool.labellings)
+            self.race = FieldRace(pool, self.gap, report, self._aim(pool.labellings)).run()
         finally:
             pool.tasks.close()
 
@@ -162,19 +162,18 @@ class FieldStudy(Study):
         rows = self.table_records.rows
         unstable = statuses(rows) == "unstable"
         high = np.where(unstable, _UNSTABLE, rows["high"])
-        known = dict(zip(keys_of(rows), zip(rows["low"].tolist(), high.tolist(), strict=True), strict=True))
-        nothing = (math.nan, math.nan)
-        order = keys(labellings)
-        bounds = np.array([known.get(key, nothing) for key in order]).reshape(-1, 2)
+        bounds_of = dict(zip(keys_of(rows), zip(rows["low"].tolist(), high.tolist(), strict=True), strict=True))
+        unknown = (math.nan, math.nan)
+        requested = keys(labellings)
+        bounds = np.array([bounds_of.get(key, unknown) for key in requested]).reshape(-1, 2)
         count = len(self.assembly.cases)
-        lows = dict(zip(keys_of(rows), rows["cases"][:, :count], strict=True))
-        cases = np.array([lows.get(key, np.full(count, np.nan)) for key in order]).reshape(-1, count) if count else None
+        of_cases = dict(zip(keys_of(rows), rows["cases"][:, :count], strict=True))
+        unbounded = np.full(count, np.nan)
+        cases = np.array([of_cases.get(key, unbounded) for key in requested]).reshape(-1, count) if count else None
         pool = FieldPool(self.assembly, np.empty((0, labellings.shape[1]), dtype=bool), self.deadline)
         pool.tasks.jobs = self.settings.jobs
         pool.add(labellings, bounds[:, 0], bounds[:, 1], cases)
         return pool
-
-    # --- what is told -----------------------------------------------------------------------------------
 
     def facts(self, results: pd.DataFrame) -> dict[str, Any]:
         """Return the proven facts of the search, for the summary; empty before it has run."""
@@ -202,7 +201,7 @@ class FieldStudy(Study):
             "proven": bool(alone) or falls,
             "bound": bound,
             "gap": gap,
-            "next": None if alone or falls else self._next(race, gap),
+            "next": None if alone or falls else self._hint(race, gap),
             "race": {
                 "refined": race.refined,
                 "programs": race.programs,
@@ -211,16 +210,16 @@ class FieldStudy(Study):
             },
         }
 
-    def _next(self, race: RaceResult, gap: float | None) -> str | None:
+    def _hint(self, race: RaceResult, gap: float | None) -> str | None:
         """Return a sentence on how to narrow the remaining gap, None if unknown, and on its cause."""
         # The reason is the discretisation or the search.
         finer = f"the gap is of the discretisation: --cracks fields:{0.5 * self.gap:g} refines further"
         if isinstance(self.driver, FieldExact):
             if self.driver.finished and self.space.search.require is not None:
-                return self._next_of_count()
+                return self._hint_on_count()
             if self.driver.finished:
-                within = gap is not None and gap <= self.gap
-                return finer if within else "the gap is of the discretisation: some layouts have the finest mesh"
+                narrow = gap is not None and gap <= self.gap
+                return finer if narrow else "the gap is of the discretisation: some layouts have the finest mesh"
             return "the gap is of the search: time ended the proof; more --seconds, with --resume, narrow the bound"
         if not self._complete and (self.settings.budget or not isinstance(self.driver, Enumeration)):
             ended = "" if race.decided else " and time ended refinement of those that were"
@@ -231,7 +230,7 @@ class FieldStudy(Study):
             return "the gap is of the discretisation: time ended refinement; more --seconds narrow it"
         return finer
 
-    def _next_of_count(self) -> str | None:
+    def _hint_on_count(self) -> str | None:
         """Return a sentence on why the best count is not proven; None if it is."""
         if isinstance(self.driver, FieldExact) and self.driver.open_layouts:
             return "the gap is of the discretisation: some layouts of better count have the finest mesh"
@@ -243,27 +242,27 @@ class FieldStudy(Study):
         self.driver.start(self.deadline, lambda: None, self.records)
         parts: list[Bits] = []
         while True:
-            part = self._asked(None)
+            part = self._ask(None)
             if not len(part):
                 break
             parts.append(part)
-        self._complete = not self._cut
+        self._complete = not self._timed_out
         return np.concatenate(parts) if parts else np.empty((0, len(self.space.fixed)), dtype=bool)
 
-    def _shown(self, labellings: Bits, low: Floats, high: Floats) -> None:
+    def _report_race(self, labellings: Bits, low: Floats, high: Floats) -> None:
         """Report progress of a race of labellings (k, m) with bounds low, high (k,)."""
         if self.report is None:
             return
         best, bound = float(low.max(initial=-math.inf)), float(high.max(initial=-math.inf))
-        known = math.isfinite(best) and math.isfinite(bound)
-        gap = (bound - best) / max(abs(bound), abs(best), 1e-300) if known else math.nan
+        bounded = math.isfinite(best) and math.isfinite(bound)
+        gap = (bound - best) / max(abs(bound), abs(best), 1e-300) if bounded else math.nan
         done = int((high < best).sum())
         ends = (best if math.isfinite(best) else math.nan, bound if math.isfinite(bound) else math.nan)
         text = self.text_of(labellings[int(low.argmax())]) if math.isfinite(best) else ""
         left = self.deadline.remaining()
         self.report(Progress(done, self.total, 0, ends[0], self.elapsed, ends[1], gap, text, left))
 
-    def _record(self, pool: FieldPool) -> None:
+    def _record_bounds(self, pool: FieldPool) -> None:
         # New layouts are added to the record. If the record had evaluations before, refined bounds are kept beside
         # them.
         labellings, required = pool.labellings, self.assembly.required
@@ -283,10 +282,10 @@ class FieldStudy(Study):
 
     def _nominal(self, pool: FieldPool) -> list[float | None]:
         """Return lower bounds at nominal values, of the best layout alone; others NaN."""
-        found: list[float | None] = [math.nan] * len(pool)
-        best = int(np.argmax(pool.low())) if len(pool) else -1
-        if best >= 0 and math.isfinite(pool.low()[best]):
-            alone = FieldPool(self.assembly.at_nominal, pool.labellings[[best]], self.deadline)
-            FieldRace(alone, self.gap).run()
-            found[best] = float(alone.low()[0])
-        return found
+        nominal: list[float | None] = [math.nan] * len(pool)
+        strongest = int(np.argmax(pool.low())) if len(pool) else -1
+        if strongest >= 0 and math.isfinite(pool.low()[strongest]):
+            nominal_pool = FieldPool(self.assembly.at_nominal, pool.labellings[[strongest]], self.deadline)
+            FieldRace(nominal_pool, self.gap).run()
+            nominal[strongest] = float(nominal_pool.low()[0])
+        return nominal

@@ -77,8 +77,8 @@ def _plugin(objective: object) -> OwnObjective:
     """Return the function of an objective that a plug-in brings; InputError for an unknown name."""
     points = plugins.entry_points("jld.objectives")
     if not isinstance(objective, str) or objective not in points:
-        known = [*OBJECTIVES, *points]
-        remedy = near(objective, known) if isinstance(objective, str) else ", ".join(known)
+        names = [*OBJECTIVES, *points]
+        remedy = near(objective, names) if isinstance(objective, str) else ", ".join(names)
         raise ParameterError("objective", f"no objective is named {objective!r}", f"{remedy} or a function")
     function: OwnObjective = plugins.load("jld.objectives", objective)
     if not callable(function):

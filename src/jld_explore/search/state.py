@@ -68,8 +68,8 @@ class Progress:
 
 def name_of(function: Callable[..., Any]) -> str:
     """Return the name by which a function of the user is recorded: module and qualified name."""
-    named = getattr(function, "__qualname__", type(function).__qualname__)
-    return f"{getattr(function, '__module__', '')}.{named}".lstrip(".")
+    name = getattr(function, "__qualname__", type(function).__qualname__)
+    return f"{getattr(function, '__module__', '')}.{name}".lstrip(".")
 
 
 def versions() -> dict[str, str]:

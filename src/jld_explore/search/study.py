@@ -45,10 +45,8 @@ if TYPE_CHECKING:
 _ROW: Final = 1e-4  # time reserved from a limit for tables and page, s per recorded labelling; 90 000 took 9 s
 PORTION: Final = 128  # largest number of labellings requested at a time if pruning thresholds can avoid solves
 
-
 # Multiple of the expected time of an evaluation after which workers without a result count as hung
 _HANGS: Final = 20.0
-
 
 # Expected time of an evaluation, s, up to which the first one of a search is finished although a signal arrived
 _SOON: Final = 1.6
@@ -56,7 +54,7 @@ _SOON: Final = 1.6
 # Share of the remaining time in which a driver must propose its first labelling; then another one is sought
 _FIRST: Final = 0.6
 _LEAST: Final = 1.0  # seconds to find a first labelling if the time limit passes before any evaluation
-_NONE: Final = np.empty((0, 0), dtype=bool)  # labellings of an empty list of evaluations
+_NO_LABELLINGS: Final = np.empty((0, 0), dtype=bool)  # labellings of an empty list of evaluations
 
 
 class Study:
@@ -73,37 +71,37 @@ class Study:
         *,
         total: int | None = None,
         report: Callable[[Progress], None] | None = None,
-        found_first: Callable[[], None] = lambda: None,
+        before_first_evaluation: Callable[[], None] = lambda: None,
         make: MakeEvaluator = evaluator_of,
         deadline: Deadline | None = None,
     ) -> None:
         # A study resumes by replay: the driver runs again from its seed and receives recorded results. Equal scene,
-        # driver, seed and budget give equal rows for any number of jobs. found_first is called before the first
-        # evaluation; until then the space may turn out to be empty.
+        # driver, seed and budget give equal rows for any number of jobs. Until `before_first_evaluation` is called the
+        # space may turn out to be empty.
         self.scene, self.assembly, self.space, self.driver, self.folder = scene, assembly, space, driver, folder
         self.settings, self.total, self.report = settings or ExploreSettings(), total, report
-        self._make, self._found_first = make, found_first
+        self._make, self._before_first_evaluation = make, before_first_evaluation
         self.deadline = Deadline(self.settings.seconds) if deadline is None else deadline
-        self._end, self._cut = self.deadline.end, False
-        self._empty = False
+        self._search_end = self.deadline.end  # with the time for tables
+        self._timed_out = self._space_is_empty = False
         self.evaluated = self.asked = self.solved = 0
-        self._beside: ProofBeside | None = None
-        self._offered: Bits | None = None  # a layout (1, m) of the proof beside that is stronger than all evaluated
+        self._proof: ProofBeside | None = None
+        self._stronger: Bits | None = None  # a layout (1, m) of the proof beside that is stronger than all evaluated
         self.bound_by: str | None = None
-        self._best, self._floor = np.nan, load_scale(assembly)
+        self._best, self._load_scale = np.nan, load_scale(assembly)
         self._best_labels: Bits | None = None
         self.records = self.open_records()
 
     @property
     def header(self) -> dict[str, Any]:
         """Return the facts in which a record must agree with a study that resumes it."""
-        model, own = self.settings.model.facts(), self.settings.own_objective
+        model, objective = self.settings.model.facts(), self.settings.own_objective
         return {
             "scene": self.scene.fingerprint,
             "driver": self.driver.name,
             "seed": self.settings.seed,
             **{f"driver's {name}": value for name, value in self.driver.settings.items()},
-            **({} if own is None else {"own objective": name_of(own)}),
+            **({} if objective is None else {"own objective": name_of(objective)}),
             "objective": model.pop("friction") + ("-floor" if self.settings.model.ranks_by_lower_bound else ""),
             "bracket width": model.pop("gap"),
             **model,
@@ -112,8 +110,8 @@ class Study:
         }
 
     def open_records(self) -> Records:
-        own = self.settings.own_objective is not None
-        values = len(self.assembly.cases) + (self.assembly.has_low_values) + own
+        with_objective = self.settings.own_objective is not None
+        values = len(self.assembly.cases) + (self.assembly.has_low_values) + with_objective
         return Records(self.folder, self.header, len(self.assembly.interfaces), values)
 
     @cached_property
@@ -122,15 +120,15 @@ class Study:
         if self.space.void is not None:
             real = self.space.void.real
             return VoidStanding(lambda text: cut(real, text), self.space.void.texts, self.settings.model)
-        own = self.settings.own_objective is not None or self.settings.by_experiment
-        options: dict[str, Any] = {"by_load_factor": not own, "threads": min(self.settings.jobs, MOST_THREADS)}
+        other = self.settings.own_objective is not None or self.settings.by_experiment
+        options: dict[str, Any] = {"by_load_factor": not other, "threads": min(self.settings.jobs, MOST_THREADS)}
         if isinstance(self._make, MakeCellEvaluator):
             cells = self._make.cells
             return Standing(cells.fine, self.settings.model, cells.labels, **options)
         return Standing(self.assembly, self.settings.model, **options)
 
-    def _told(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
-        """Return evaluations of labellings (k, m) as the driver is told them, see `Standing.told`."""
+    def _with_standing(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
+        """Return evaluations of labellings (k, m); what falls under its dead load alone is unstable."""
         return self.standing.told(labellings, evaluations, self.deadline)
 
     @property
@@ -144,11 +142,11 @@ class Study:
     @property
     def bound(self) -> float | None:
         """Smallest proven upper bound on λ of all layouts, scene units, of earlier runs too; None if unknown."""
-        known = [bound for bound in (self._own_bound, self.records.bound) if bound is not None]
-        return min(known, default=None)
+        bounds = [bound for bound in (self._driver_bound, self.records.bound) if bound is not None]
+        return min(bounds, default=None)
 
     @property
-    def _own_bound(self) -> float | None:
+    def _driver_bound(self) -> float | None:
         bound = self.driver.bound
         if bound is not None and (not isinstance(bound, int | float | np.number) or not bound > -math.inf):
             where = f"driver {self.driver.name!r}"
@@ -172,12 +170,10 @@ class Study:
     def _withdraw_contradicted(self, evaluations: list[Evaluation]) -> None:
         """Withdraw the proven bound if a layout provably carries more, since the proof is wrong."""
         bound = self.bound
-        stands = [e.low for e in evaluations if e.status is Status.COLLAPSE]
-        if bound is None or not stands or not exceeds(max(stands), bound, self._floor):
+        lows = [e.low for e in evaluations if e.status is Status.COLLAPSE]
+        if bound is None or not lows or not exceeds(max(lows), bound, self._load_scale):
             return
-        reason = (
-            f"a layout carries λ ≥ {max(stands):.9g}, above the bound {bound:.9g} on record: the bound is withdrawn"
-        )
+        reason = f"a layout carries λ ≥ {max(lows):.9g}, above the bound {bound:.9g} on record: the bound is withdrawn"
         self.records.withdraw_bound(reason)
         self.driver.withdraw(reason)
 
@@ -189,11 +185,10 @@ class Study:
 
     def run(self) -> StopReason:
         """Search until space, budget or time is exhausted, or a proof complete; return why it ended."""
-        budget, driver = self.settings.budget, self.driver
-        workers = self._workers()
+        driver, workers = self.driver, self._workers()
         # Bounds on λ without dilation spare solves, unless another objective takes the place of λ.
-        spare = self.settings.model.friction == "zero-dilation" and self.settings.own_objective is None
-        front = IncumbentFront(self.space) if spare else None
+        may_prune = self.settings.model.friction == "zero-dilation" and self.settings.own_objective is None
+        front = IncumbentFront(self.space) if may_prune else None
         recorded = RecordedEvaluator(
             workers,
             self.records,
@@ -201,66 +196,73 @@ class Study:
             deadline=self.deadline,
             front=front,
             finish_first=self.evaluation_seconds <= _SOON,
-            report=self._count,
+            report=self._update_progress,
         )
-        waiting, dry = deque[PendingEvaluations](), False
+        submitted, no_proposal = deque[PendingEvaluations](), False
         try:
             if driver.remembers and len(self.records):
                 self._restore()
             driver.set_workers(self.settings.jobs)
-            driver.start(self.deadline, lambda: self._count([], _NONE), self.records)
-            self._beside = self._proof_beside()
+            driver.start(self.deadline, lambda: self._update_progress([], _NO_LABELLINGS), self.records)
+            self._proof = self._start_proof()
             while True:
-                # Request a fixed number of portions ahead, so that the order of results is independent of the workers.
-                # At least one labelling is evaluated even after the deadline.
-                while not dry and len(waiting) <= driver.ahead and not (self.deadline.passed() and self._begun):
-                    left = None if budget is None else budget - self.asked
-                    if left is not None and left <= 0:
-                        break
-                    if front is not None:  # Small portions give results sooner, which prunes more solves.
-                        left = PORTION if left is None else min(left, PORTION)
-                    labellings = self._asked(left)
-                    dry = self._cut or len(labellings) == 0
-                    if len(labellings):
-                        waiting.append(recorded.submit(labellings))
-                if not waiting:
-                    reason = self._reason(dry)
+                # small portions give results sooner, which prunes more solves
+                most = math.inf if front is None else PORTION
+                no_proposal = no_proposal or self._submit_ahead(recorded, submitted, most)
+                if not submitted:
+                    reason = self._reason(no_proposal)
                     if reason is StopReason.UNPROVEN:
                         self._discard_proof()
                     if reason in (StopReason.BUDGET, StopReason.TIME):
-                        self._look_beside(wait=True)
-                    if self._offered is None:
+                        self._poll_proof(wait=True)
+                    if self._stronger is None:
                         return reason
-                if self._offered is not None:
-                    offered, self._offered = self._offered, None
-                    recorded.collect(recorded.submit(offered))
+                if self._stronger is not None:
+                    stronger, self._stronger = self._stronger, None
+                    recorded.collect(recorded.submit(stronger))
                     continue
                 with suppress(DeadlinePassed), plugins.guarded("jld.drivers", driver.name), self.deadline.enforced():
                     driver.prepare()
-                pending = waiting.popleft()
+                pending = submitted.popleft()
                 evaluations = recorded.collect(pending)
                 self.solved = recorded.solved
                 if evaluations is None:
                     return StopReason.TIME
-                told = self._told(pending.labellings, evaluations)
-                driver.tell(pending.labellings, told)
+                judged = self._with_standing(pending.labellings, evaluations)
+                driver.tell(pending.labellings, judged)
                 if front is not None:
-                    front.learn(pending.labellings, told)
+                    front.learn(pending.labellings, judged)
         finally:
             self.solved = recorded.solved
             self._close(workers)
 
+    def _submit_ahead(self, recorded: RecordedEvaluator, submitted: deque[PendingEvaluations], most: float) -> bool:
+        """Submit portions of at most `most` labellings; return True if the driver proposes none any more."""
+        # A fixed number of portions ahead makes the order of results independent of the workers. At least one labelling
+        # is evaluated even after the deadline.
+        budget = math.inf if self.settings.budget is None else self.settings.budget
+        while len(submitted) <= self.driver.ahead and not (self.deadline.passed() and self._has_layouts):
+            limit = min(budget - self.asked, most)
+            if limit <= 0:
+                return False
+            labellings = self._ask(int(limit) if math.isfinite(limit) else None)
+            if len(labellings):
+                submitted.append(recorded.submit(labellings))
+            if self._timed_out or len(labellings) == 0:
+                return True
+        return False
+
     def _close(self, workers: Workers) -> None:
-        if self._beside is not None:
-            self._beside.close()
+        if self._proof is not None:
+            self._proof.close()
         workers.close()
         self.driver.close()
         try:
-            self.keep_bound(self._own_bound, self.driver.name)
+            self.keep_bound(self._driver_bound, self.driver.name)
         finally:
             self.records.close()
 
-    def _proof_beside(self) -> ProofBeside | None:
+    def _start_proof(self) -> ProofBeside | None:
         """Start a proof beside the search, unless the driver proves or would end before it."""
         settings, driver = self.settings, self.driver
         other = settings.own_objective is not None or settings.by_experiment or self._make is not evaluator_of
@@ -268,16 +270,16 @@ class Study:
             return None
         return ProofBeside.of(self.space, settings.model, self.deadline)
 
-    def _look_beside(self, *, wait: bool = False) -> None:
-        """Record what the proof beside has found; wait: until the deadline for its first bound."""
-        if self._beside is None:
+    def _poll_proof(self, *, wait: bool = False) -> None:
+        """Take over bound and layout of the proof beside; wait: until the deadline for its first bound."""
+        if self._proof is None:
             return
-        found = self._beside.poll(self._best_labels, self.deadline.remaining() if wait and self._beside.first else 0.0)
-        if math.isfinite(found.bound):
-            self.keep_bound(found.bound, found.by)
+        status = self._proof.poll(self._best_labels, self.deadline.remaining() if wait and self._proof.first else 0.0)
+        if math.isfinite(status.bound):
+            self.keep_bound(status.bound, status.by)
         # a layout that is stronger by more than two brackets of the same one may differ
-        if found.labels is not None and not found.low <= self._best + GAP * max(abs(self._best), self._floor):
-            self._offered, self._best = canonical(found.labels[None], self.space.group), found.low
+        if status.labels is not None and not status.low <= self._best + GAP * max(abs(self._best), self._load_scale):
+            self._stronger, self._best = canonical(status.labels[None], self.space.group), status.low
 
     @property
     def evaluation_seconds(self) -> float:
@@ -285,8 +287,8 @@ class Study:
         settings = self.settings
         if settings.own_objective is not None or not settings.model.supports_bounds_over_labellings:
             return math.inf
-        fine = self._make.cells.fine if isinstance(self._make, MakeCellEvaluator) else self.assembly
-        return cost_estimate(fine).seconds
+        cells = self._make.cells.fine if isinstance(self._make, MakeCellEvaluator) else self.assembly
+        return cost_estimate(cells).seconds
 
     def _workers(self) -> Workers:
         settings, spec = EvaluatorSettings(self.settings.model), self.worker_spec
@@ -305,22 +307,22 @@ class Study:
         return WorkerSpec.of(self.assembly, EvaluatorSettings(self.settings.model), self._make)
 
     def _restore(self) -> None:
-        packed = self.records.rows["labelling"]
-        rows = unpack(packed, len(self.assembly.interfaces))
-        known = [self.records.find(labels) for labels in rows]
-        restored = self._told(rows, [evaluation for evaluation in known if evaluation is not None])
+        rows = self.records.rows["labelling"]
+        labellings = unpack(rows, len(self.assembly.interfaces))
+        evaluations = [self.records.find(labels) for labels in labellings]
+        restored = self._with_standing(labellings, [evaluation for evaluation in evaluations if evaluation is not None])
         self._withdraw_contradicted(restored)
-        self.driver.restore(rows, restored)
+        self.driver.restore(labellings, restored)
 
-    def _reason(self, dry: bool) -> StopReason:
+    def _reason(self, no_proposal: bool) -> StopReason:
         """Return why the study ends; dry: no labelling was proposed and none is being evaluated."""
-        if self._empty:
+        if self._space_is_empty:
             return StopReason.EXHAUSTED
         if self.driver.exhaustive and self.total is not None and len(self.records) >= self.total:
             return StopReason.EXHAUSTED
         if self.settings.budget is not None and self.asked >= self.settings.budget:
             return StopReason.BUDGET
-        if not dry or self._cut:
+        if not no_proposal or self._timed_out:
             return StopReason.TIME
         if self.driver.finished:
             return StopReason.PROVEN
@@ -328,69 +330,69 @@ class Study:
             return StopReason.UNPROVEN
         if self.driver.working:  # it returned because time ran out
             return StopReason.TIME
-        known = self.driver.exhaustive or (self.total is not None and len(self.records) >= self.total)
-        return StopReason.EXHAUSTED if known else StopReason.DRIVER
+        complete = self.driver.exhaustive or (self.total is not None and len(self.records) >= self.total)
+        return StopReason.EXHAUSTED if complete else StopReason.DRIVER
 
     def _discard_proof(self) -> None:
         """Withdraw the bound and all conflicts on record, because a proof failed its check."""
         self.records.withdraw_bound(next(iter(self.driver.complaints), "the proof did not pass its check"))
         self.records.forget_conflicts()
 
-    def _asked(self, limit: int | None) -> Bits:
-        """Request labellings (k, m) as `_proposed` does, and count them."""
-        labellings = self._proposed(limit)
+    def _ask(self, limit: int | None) -> Bits:
+        """Request labellings (k, m) and count them."""
+        labellings = self._propose(limit)
         if len(labellings) and not self.asked:
-            self._found_first()
+            self._before_first_evaluation()
         self.asked += len(labellings)
         return labellings
 
-    def _proposed(self, limit: int | None) -> Bits:
+    def _propose(self, limit: int | None) -> Bits:
         """Request labellings (k, m) from the driver; none after its time is up."""
         # If nothing has been evaluated and the driver spends most of the time without a proposal, the first layout
         # found without the driver is returned.
-        begun = self._begun
-        until = self.deadline if begun else self.deadline.within(_FIRST * self.deadline.remaining())
+        has_layouts = self._has_layouts
+        deadline = self.deadline if has_layouts else self.deadline.within(_FIRST * self.deadline.remaining())
         try:
-            with until.enforced():
-                until.check()
+            with deadline.enforced():
+                deadline.check()
                 return self.driver.ask(limit)
         except DeadlinePassed:
-            self._cut = True
-        none = np.empty((0, len(self.space.fixed)), dtype=bool)
-        if begun:
-            return none
+            self._timed_out = True
+        nothing = np.empty((0, len(self.space.fixed)), dtype=bool)
+        if has_layouts:
+            return nothing
         try:
             with Deadline(max(self.deadline.remaining(), _LEAST)).enforced():
-                found = first_layout(self.space, self.settings.seed)
+                layout = first_layout(self.space, self.settings.seed)
         except DeadlinePassed:
-            return none
-        self._empty = not len(found)
-        return found
+            return nothing
+        self._space_is_empty = not len(layout)
+        return layout
 
     @property
-    def _begun(self) -> bool:
+    def _has_layouts(self) -> bool:
         """Return True if a labelling has been evaluated or requested."""
         return self.asked > 0 or len(self.records) > 0
 
-    def _count(self, evaluations: list[Evaluation], labellings: Bits) -> None:
+    def _update_progress(self, evaluations: list[Evaluation], labellings: Bits) -> None:
         """Update counters, bounds and progress with new evaluations of labellings (k, m)."""
         self.evaluated += len(evaluations)
-        evaluations = self._told(labellings, evaluations)
+        evaluations = self._with_standing(labellings, evaluations)
         # Reserve time to write the tables of all recorded labellings.
-        self.deadline.end = self._end - _ROW * len(self.records)
+        self.deadline.end = self._search_end - _ROW * len(self.records)
         values = [e.load_factor if e.status is Status.COLLAPSE else np.nan for e in evaluations]
         if not np.all(np.isnan(values)):
-            place = int(np.nanargmax(values))
-            if not values[place] <= self._best:
-                self._best, self._best_labels = float(values[place]), labellings[place]
-        self._look_beside()
+            index = int(np.nanargmax(values))
+            if not values[index] <= self._best:
+                self._best, self._best_labels = float(values[index]), labellings[index]
+        self._poll_proof()
         self._withdraw_contradicted(evaluations)
-        self.keep_bound(self._own_bound, self.driver.name)
+        self.keep_bound(self._driver_bound, self.driver.name)
         if self.report is not None:
             bound = np.nan if self.bound is None else self.bound
             budget, total = self.settings.budget, self.total
             total = total if budget is None else min(budget, total or budget)
-            gap = relative_width(self._best, bound, self._floor)
+            gap = relative_width(self._best, bound, self._load_scale)
             text = "" if self._best_labels is None else self.text_of(self._best_labels)
             left = self.deadline.remaining()
             self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound, gap, text, left))

@@ -21,7 +21,6 @@ from jld_explore.space.labelling import Connectivity, blocks_of, connectivity, n
 
 # Step to which coordinates are rounded, relative to the reach of a comparison: blocks that agree there are copies
 _COPY: Final = 1e-3
-
 _SEEDS: Final = 400  # largest number of blocks that are numbered before those of any layout
 
 # Offset before coordinates are rounded; it avoids multiples of one half, where rounding is ambiguous
@@ -37,12 +36,12 @@ class BlockShapes:
         rng = np.random.default_rng(20240711)
         self._sign = rng.integers(1, 2**63, size=len(assembly.elements), dtype=np.uint64)
         self._sign[assembly.elements.support] = 0
-        self._place: dict[int, int] = {}
-        self._known: list[Outline] = []
-        self._number: list[int] = []
-        self._outline: dict[bytes, Outline] = {}
+        self._index_of: dict[int, int] = {}
+        self._shapes: list[Outline] = []
+        self._shape_numbers: list[int] = []
+        self._outline_of_cells: dict[bytes, Outline] = {}
         self._outlines = Outlines(assembly)
-        self._numbered: dict[int, int] = {}
+        self._number_of_outline: dict[int, int] = {}
         self._seeded = False
         self._step = _COPY * self._kinds.reach
         # Threads of a proof request blocks at the same time.
@@ -70,86 +69,86 @@ class BlockShapes:
         unique, first, inverse = np.unique(key[holds], return_index=True, return_inverse=True)
         where = np.flatnonzero(holds)[first]
         values = unique.tolist()
-        new = [k for k, value in enumerate(values) if value not in self._place]
+        new = [k for k, value in enumerate(values) if value not in self._index_of]
         if new:
             free = np.flatnonzero(np.tile(~self.assembly.elements.support, rows))
             free = free[np.argsort(names[free], kind="stable")]  # by block, ascending within each
             starts, ends = (np.searchsorted(names[free], where[new], side=side) for side in ("left", "right"))
             members = [free[start:end] % count for start, end in zip(starts.tolist(), ends.tolist(), strict=True)]
             for k, outline in zip(new, self._outlines_of(members), strict=True):
-                self._known.append(outline)
-                self._place[values[k]] = len(self._known) - 1
-        places = np.array([self._place[value] for value in values], dtype=np.int64)
-        found = np.full(rows * count, -1, dtype=np.int64)
-        found[holds] = places[inverse.reshape(-1)]
-        return holds.reshape(rows, count), found.reshape(rows, count)
+                self._shapes.append(outline)
+                self._index_of[values[k]] = len(self._shapes) - 1
+        outline_indices = np.array([self._index_of[value] for value in values], dtype=np.int64)
+        indices = np.full(rows * count, -1, dtype=np.int64)
+        indices[holds] = outline_indices[inverse.reshape(-1)]
+        return holds.reshape(rows, count), indices.reshape(rows, count)
 
     def one(self, members: Ints) -> Outline:
         """Return the outline of one block given by its free elements in ascending order."""
-        return self._known[self._outline_position(members)]
+        return self._shapes[self._outline_position(members)]
 
     def _outline_position(self, members: Ints) -> int:
         """Return the position of the outline of one block, computed if it is not yet known."""
         key = int(self._sign[members].sum(dtype=np.uint64))
         with self._lock:
-            if key not in self._place:
-                self._known += self._outlines_of([members])
-                self._place[key] = len(self._known) - 1
-            return self._place[key]
+            if key not in self._index_of:
+                self._shapes += self._outlines_of([members])
+                self._index_of[key] = len(self._shapes) - 1
+            return self._index_of[key]
 
     def kinds(self, blocks: Sequence[Sequence[int]]) -> Ints:
         """Return the shape number (b,) of blocks, ascending free elements each; equal if congruent."""
-        places = []
+        indices = []
         for members in blocks:
             checkpoint()
-            places.append(self._outline_position(np.array(members, dtype=np.int64)))
+            indices.append(self._outline_position(np.array(members, dtype=np.int64)))
         with self._lock:
-            return np.asarray(self._numbers()[places])
+            return np.asarray(self._numbers()[indices])
 
     def different(self, blocks: Ints, sink: int = -1) -> Ints:
         """Return (k,) number of different block shapes of each row (k, n)."""
         # The block that contains the element `sink` is not counted if `sink` is at least 0.
-        holds, places, number = self._blocks_that_count(blocks, sink)
-        _, new = _first_of_kinds(holds, number[places])
+        holds, indices, number = self._blocks_that_count(blocks, sink)
+        _, new = _first_of_kinds(holds, number[indices])
         return np.asarray(new.sum(axis=1), dtype=np.int64)
 
     def _blocks_that_count(self, blocks: Ints, sink: int) -> tuple[Bools, Ints, Ints]:
         """Return which blocks (k, n) count, their positions among known outlines, and the kinds of these."""
         with self._lock:
-            holds, places = self._look(blocks)
+            holds, indices = self._look(blocks)
             number = self._numbers()
         if sink >= 0:
             holds[np.arange(len(blocks)), blocks[:, sink]] = False
-        return holds, places, number
+        return holds, indices, number
 
     def total(self, blocks: Ints, name: str, sink: int = -1, *, once: bool = False) -> Ints:
         """Return (k,) sums of a whole-number attribute of outlines over the blocks (k, n)."""
-        holds, places, number = self._blocks_that_count(blocks, sink)
-        value = np.array([getattr(shape, name) for shape in self._known[: len(number)]], dtype=np.int64)
+        holds, indices, number = self._blocks_that_count(blocks, sink)
+        value = np.array([getattr(shape, name) for shape in self._shapes[: len(number)]], dtype=np.int64)
         if not once:
-            return np.asarray(np.where(holds, value[places], 0).sum(axis=1), dtype=np.int64)
+            return np.asarray(np.where(holds, value[indices], 0).sum(axis=1), dtype=np.int64)
         of_kind = np.zeros(int(number.max(initial=-1)) + 1, dtype=np.int64)
         of_kind[number[::-1]] = value[::-1]
-        kind, new = _first_of_kinds(holds, number[places])
+        kind, new = _first_of_kinds(holds, number[indices])
         return np.asarray(np.where(new, of_kind[kind], 0).sum(axis=1), dtype=np.int64)
 
     def values(self, name: str) -> Floats:
         """Return (b,) values of one attribute of all known outlines, ordered by position."""
         with self._lock:
-            known = self._known[:]
-        return np.array([float(getattr(shape, name)) for shape in known])
+            shapes = self._shapes[:]
+        return np.array([float(getattr(shape, name)) for shape in shapes])
 
     def _numbers(self) -> Ints:
         """Return (b,) shape number of each known block; congruent blocks have the same number."""
         if not self._seeded:
             self._seed()
             self._seeded = True
-        for outline in self._known[len(self._number) :]:
+        for outline in self._shapes[len(self._shape_numbers) :]:
             # Blocks of equal cells in equal positions share one outline object.
-            if id(outline) not in self._numbered:
-                self._numbered[id(outline)] = self._kinds.number(outline)
-            self._number.append(self._numbered[id(outline)])
-        return np.array(self._kinds.roots(self._number), dtype=np.int64)
+            if id(outline) not in self._number_of_outline:
+                self._number_of_outline[id(outline)] = self._kinds.number(outline)
+            self._shape_numbers.append(self._number_of_outline[id(outline)])
+        return np.array(self._kinds.roots(self._shape_numbers), dtype=np.int64)
 
     def _seed(self) -> None:
         """Give numbers to the smallest blocks first, so that connected shapes depend on no layout seen."""
@@ -185,28 +184,28 @@ class BlockShapes:
         members, sizes = np.concatenate(blocks), np.array([len(block) for block in blocks])
         ends = np.cumsum(sizes)
         centroid = self.assembly.elements.centroid[members]
-        apart = centroid - np.repeat(centroid[ends - sizes], sizes, axis=0)
-        places = np.floor(apart / self._step + _SHIFT).astype(np.int64)
+        offset = centroid - np.repeat(centroid[ends - sizes], sizes, axis=0)
+        steps = np.floor(offset / self._step + _SHIFT).astype(np.int64)
         like, start = self._like[members], 0
         for block, end in zip(blocks, ends.tolist(), strict=True):
             checkpoint()
-            key = like[start:end].tobytes() + places[start:end].tobytes()
-            if key not in self._outline:
-                self._outline[key] = self._outlines.of(block)
+            key = like[start:end].tobytes() + steps[start:end].tobytes()
+            if key not in self._outline_of_cells:
+                self._outline_of_cells[key] = self._outlines.of(block)
             start = end
-            yield self._outline[key]
+            yield self._outline_of_cells[key]
 
     @cached_property
     def _like(self) -> Ints:
         """(n,) number of each element, equal where corners and faces agree about the centroid."""
         elements = self.assembly.elements
         names: dict[object, int] = {}
-        found = []
+        numbers = []
         for k, shape in enumerate(elements.shape):
             corners = np.floor((shape - elements.centroid[k]) / self._step + _SHIFT).astype(np.int64)
             name = (corners.shape, corners.tobytes(), elements.faces[k] if elements.faces else ())
-            found.append(names.setdefault(name, len(names)))
-        return np.array(found, dtype=np.int64)
+            numbers.append(names.setdefault(name, len(names)))
+        return np.array(numbers, dtype=np.int64)
 
 
 def _first_of_kinds(holds: Bools, kinds: Ints) -> tuple[Ints, Bools]:
@@ -245,11 +244,11 @@ class Layouts:
     @cached_property
     def cells(self) -> Ints:
         """(n, k) number of free elements per block, at the row of its smallest element, else 0."""
-        found = numbers_of(self.blocks, self.assembly.elements.free).T
+        cells = numbers_of(self.blocks, self.assembly.elements.free).T
         if self.assembly.sink >= 0:
             # Omitted cells do not form a block.
-            found[self.blocks[:, self.assembly.sink], np.arange(len(self.labellings))] = 0
-        return found
+            cells[self.blocks[:, self.assembly.sink], np.arange(len(self.labellings))] = 0
+        return cells
 
     @cached_property
     def stays(self) -> Bools:
@@ -388,17 +387,17 @@ def _sawn_length(layouts: Layouts) -> Floats:
     # elements share, or one and a support.
     assembly, faces = layouts.assembly, layouts.assembly.interfaces
     elements, stays = assembly.elements, layouts.stays
-    around = np.array(
+    boundaries = np.array(
         [boundary(elements.shape[e], elements.faces[e] if elements.faces else None) for e in elements.free]
     )
     ends = [np.where(elements.support[side], False, stays[:, side]) for side in (faces.a, faces.b)]
     real = ~assembly.of_members & ((faces.b != assembly.sink) if assembly.sink >= 0 else True)
     inner = ~layouts.labellings & real & stays[:, faces.a] & stays[:, faces.b]
     within = np.where(inner, assembly.face_sizes, 0.0) * (ends[0].astype(int) + ends[1].astype(int))
-    whole = np.where(stays[:, elements.free], around, 0.0).sum(axis=1)
-    scale = float(around.sum()) or 1.0
+    boundary_length = np.where(stays[:, elements.free], boundaries, 0.0).sum(axis=1)
+    scale = float(boundaries.sum()) or 1.0
     # Round, so that equal lengths compare equal for any order of summation.
-    return np.asarray(np.round((whole - within.sum(axis=1)) / scale, 12) * scale)
+    return np.asarray(np.round((boundary_length - within.sum(axis=1)) / scale, 12) * scale)
 
 
 _COUNTS: Final[dict[str, Count]] = {
@@ -523,9 +522,9 @@ def _checked(count: Count) -> Count:
             remedy = f"a finite number for each of {size[0]} layouts"
             raise plugins.refuse_type("jld.counts", count.name, remedy)
         if count.terms is not None and layouts.assembly.sink < 0:
-            sums, one = np.zeros(size), terms(layouts.assembly)
-            sums += 0 if one.faces is None else layouts.labellings[:, one.faces].sum(axis=1)
-            sums += (layouts.cells > 0).sum(axis=0) if one.blocks else 0
+            sums, terms_of_count = np.zeros(size), terms(layouts.assembly)
+            sums += 0 if terms_of_count.faces is None else layouts.labellings[:, terms_of_count.faces].sum(axis=1)
+            sums += (layouts.cells > 0).sum(axis=0) if terms_of_count.blocks else 0
             if (sums != found).any():
                 problem = f"it is {found[sums != found][0]:g} where its terms add up to {sums[sums != found][0]:g}"
                 raise plugins.refuse_type("jld.counts", count.name, "the sum of its terms, or none stated", problem)
@@ -540,16 +539,16 @@ _TRIED: Final = 64  # labellings whose images are counted
 
 def refuse_unlike_images(assembly: Assembly, graph: Connectivity, group: Ints, candidates: Bools, fixed: Bits) -> None:
     """Raise InputError for a count, not of jld, that tells images of random labellings under a group (g, m) apart."""
-    own = [count for count in registered() if count.name not in _BUILT_IN]
-    if not own:
+    added = [count for count in registered() if count.name not in _BUILT_IN]
+    if not added:
         return
     rng = np.random.default_rng(0)
     random = rng.random((_TRIED, len(fixed))) < rng.random((_TRIED, 1))
     rows = np.where(candidates, random, fixed)
     blocks = blocks_of(graph, rows)
     rows &= ~candidates | (blocks[:, graph.a] != blocks[:, graph.b])
-    for name, found in _values(own, assembly, rows[:, group].reshape(-1, len(fixed)), graph, None).items():
-        values = found.reshape(_TRIED, -1)
+    for name, counted in _values(added, assembly, rows[:, group].reshape(-1, len(fixed)), graph, None).items():
+        values = counted.reshape(_TRIED, -1)
         unlike = np.argwhere(abs(values - values[:, :1]) > 1e-9 * abs(values).max())
         if len(unlike):
             (row, image), remedy = unlike[0], 'equal counts of images, or search.symmetry "none"'
@@ -702,7 +701,7 @@ def values_until(
 
 
 def _values(
-    wanted: Sequence[Count],
+    chosen: Sequence[Count],
     assembly: Assembly,
     labellings: Bits,
     graph: Connectivity | None,
@@ -711,5 +710,7 @@ def _values(
     graph, shapes = graph or connectivity(assembly), shapes or BlockShapes(assembly)
     starts = range(0, max(1, len(labellings)), _CHUNK)
     parts = (Layouts(assembly, labellings[low : low + _CHUNK], graph, shapes) for low in starts)
-    found = [[count.of(part) for count in wanted] for part in parts]
-    return {count.name: np.concatenate(column) for count, column in zip(wanted, zip(*found, strict=True), strict=True)}
+    columns = [[count.of(part) for count in chosen] for part in parts]
+    return {
+        count.name: np.concatenate(column) for count, column in zip(chosen, zip(*columns, strict=True), strict=True)
+    }

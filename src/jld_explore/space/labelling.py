@@ -29,7 +29,6 @@ DRY_LETTER: Final = "d"
 INNER_LETTER: Final = "i"
 # letters of a labelling as text; a spreadsheet would convert digits to a number
 LETTERS: Final = DRY_LETTER + INNER_LETTER
-
 _ENTRIES: Final = 1 << 23  # largest number of entries of a temporary array in `blocks_of`; larger batches are split
 
 
@@ -151,23 +150,23 @@ def connectivity(assembly: Assembly) -> Connectivity:
     """Build the element graph of an assembly, with arcs between supports that touch."""
     faces, count = assembly.interfaces, len(assembly.elements)
     touching = np.array(assembly.touching, dtype=np.int64).reshape(-1, 2)
-    own = np.arange(count)
-    every = np.arange(len(faces))
+    elements = np.arange(count)
+    all_faces = np.arange(len(faces))
     open_arcs = np.full(count + 2 * len(touching), len(faces))
-    target = np.concatenate([own, touching[:, 0], touching[:, 1], faces.a, faces.b])
-    source = np.concatenate([own, touching[:, 1], touching[:, 0], faces.b, faces.a])
-    face = np.concatenate([open_arcs, every, every])
+    target = np.concatenate([elements, touching[:, 0], touching[:, 1], faces.a, faces.b])
+    source = np.concatenate([elements, touching[:, 1], touching[:, 0], faces.b, faces.a])
+    face = np.concatenate([open_arcs, all_faces, all_faces])
     order = np.argsort(target, kind="stable")
-    start = np.searchsorted(target[order], own)
+    start = np.searchsorted(target[order], elements)
     return Connectivity(faces.a, faces.b, touching, source[order], face[order], start)
 
 
 def blocks_of(graph: Connectivity, labellings: Bits) -> Ints:
     """Compute the block of each element, named by its smallest element: (n,), or (k, n) for labellings (k, m)."""
     rows = np.atleast_2d(labellings)
-    found = graph.compiled.blocks(rows)
-    if found is not None:
-        return found[0] if labellings.ndim == 1 else found
+    compiled = graph.compiled.blocks(rows)
+    if compiled is not None:
+        return compiled[0] if labellings.ndim == 1 else compiled
     size = max(1, _ENTRIES // max(1, len(graph.source)))
     parts = [_spread(graph, rows[i : i + size]) for i in range(0, max(1, len(rows)), size)]
     blocks = np.concatenate(parts)
@@ -235,13 +234,13 @@ def orbit_sizes(labellings: Bits, group: Ints) -> Ints:
 
 def representatives(labellings: Bits, group: Ints) -> tuple[Ints, Ints]:
     """Return the rows (r,) of labellings that are canonical, and their orbit sizes (r,)."""
-    kept, words = np.arange(len(labellings)), as_words(labellings)
+    canonical_rows, words = np.arange(len(labellings)), as_words(labellings)
     fixed = np.ones(len(labellings), dtype=np.int64)
     for permutation in group[1:]:
-        sign = _compare(as_words(labellings[kept[:, None], permutation]), words)
+        sign = _compare(as_words(labellings[canonical_rows[:, None], permutation]), words)
         stays = sign >= 0
-        kept, words, fixed = kept[stays], words[stays], fixed[stays] + (sign[stays] == 0)
-    return kept, np.asarray(len(group) // fixed)
+        canonical_rows, words, fixed = canonical_rows[stays], words[stays], fixed[stays] + (sign[stays] == 0)
+    return canonical_rows, np.asarray(len(group) // fixed)
 
 
 def as_words(labellings: Bits) -> Words:
@@ -255,13 +254,12 @@ def as_words(labellings: Bits) -> Words:
 def _compare(first: Words, second: Words) -> NDArray[np.int8]:
     """Return (k,) −1, 0 or 1 if rows of the first sort before, equal to or after the second."""
     sign = np.zeros(len(first), dtype=np.int8)
-    for one, two in zip(first.T[::-1], second.T[::-1], strict=True):
-        sign = np.where(one < two, -1, np.where(one > two, 1, sign)).astype(np.int8)
+    for left, right in zip(first.T[::-1], second.T[::-1], strict=True):
+        sign = np.where(left < right, -1, np.where(left > right, 1, sign)).astype(np.int8)
     return sign
 
 
 LETTER: Final = "v"  # letter of a face beside a cell that is left out
-
 _LETTERS: Final = LETTERS + LETTER  # all letters of a labelling as text, with void cells
 
 
@@ -274,9 +272,9 @@ class Void:
 
     def gone(self, labellings: Bits) -> Bools:
         """Return (k, n) mask of the elements that labellings (k, m + c) leave out."""
-        found = np.zeros((len(labellings), len(self.real.elements)), dtype=bool)
-        found[:, self.cells] = ~labellings[:, len(self.real.interfaces) :]
-        return found
+        gone = np.zeros((len(labellings), len(self.real.elements)), dtype=bool)
+        gone[:, self.cells] = ~labellings[:, len(self.real.interfaces) :]
+        return gone
 
     def texts(self, labellings: Bits) -> list[str]:
         """Return the text of each labelling (k, m + c), one letter for each of the m faces."""
@@ -341,20 +339,20 @@ def cut(assembly: Assembly, text: str) -> tuple[Assembly, Bits]:
     labels = with_members(assembly, dry_of(text))
     if LETTER not in text:
         return assembly, labels
-    rest, kept = without(assembly, omitted(assembly, text))
-    return rest, labels[kept]
+    remaining, faces = without(assembly, omitted(assembly, text))
+    return remaining, labels[faces]
 
 
 def void_of(scene: Scene, assembly: Assembly) -> Void | None:
     """Return the cells that a scene's search may leave out, or None; InputError where it cannot."""
-    stated, elements = scene.search.void, assembly.elements
-    if stated is None:
+    void, elements = scene.search.void, assembly.elements
+    if void is None:
         return None
-    for key, beside in (
+    for key, is_set in (
         ("segmentation", not scene.search.segmentation),
         ("assemble", scene.search.assemble is not None),
     ):
-        if beside:
+        if is_set:
             raise InputError("search.void", f"it is given together with search.{key}", "searches of blocks without it")
     assembly.members.refuse("a search that leaves cells out")
     cases = scene.loads.cases or []
@@ -368,17 +366,17 @@ def void_of(scene: Scene, assembly: Assembly) -> Void | None:
     if scene.loads.moving or any(isinstance(entry, FaceLoad) for entries in lists for entry in entries):
         raise InputError("search.void", "a load moves or acts on faces", "loads on elements, or no void cells")
     loaded = {entry.element for entries in lists for entry in entries if isinstance(entry, PointLoad)}
-    if stated.cells == "all":
+    if void.cells == "all":
         chosen = [k for k in elements.free.tolist() if elements.ids[k] not in loaded]
     else:
-        for position, name in enumerate(stated.cells):
+        for position, name in enumerate(void.cells):
             where = f"search.void.cells[{position}]"
             if name not in elements.index or elements.support[elements.index[name]]:
                 fault = "is a support" if name in elements.index else "names no element"
                 raise InputError(where, f"{name!r} {fault}", "the id of a free element")
             if name in loaded:
                 raise InputError(where, f"{name!r} carries a load", "an element that no load names")
-        chosen = sorted({elements.index[name] for name in stated.cells})
+        chosen = sorted({elements.index[name] for name in void.cells})
     if not chosen:
         raise InputError("search.void.cells", "no cell may be left out", "ids of free elements that no load names")
     return Void(assembly, np.array(chosen, dtype=np.int64))
@@ -408,13 +406,13 @@ def with_sink(void: Void) -> Assembly:
         """Return values (m, ...) with zeros appended for the faces to the sink."""
         return np.concatenate([values, np.zeros((count, *values.shape[1:]), dtype=values.dtype)])
 
-    places = elements.centroid[cells]
+    centroids = elements.centroid[cells]
     with_sink_faces = replace(
         faces,
         a=np.concatenate([faces.a, cells]),
         b=np.concatenate([faces.b, np.full(count, sink)]),
-        origin=np.vstack([faces.origin, places]),
-        polygon=(*faces.polygon, *(np.repeat(place[None], 2, axis=0) for place in places)),
+        origin=np.vstack([faces.origin, centroids]),
+        polygon=(*faces.polygon, *(np.repeat(centroid[None], 2, axis=0) for centroid in centroids)),
         rectangle=np.append(faces.rectangle, np.zeros(count, dtype=bool)),
         **{name: padded(getattr(faces, name)) for name in ("normal", "e1", "e2", "l1", "l2", "area", "c_t")},
     )

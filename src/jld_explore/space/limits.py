@@ -31,9 +31,9 @@ class Range:
     most: float
 
     @classmethod
-    def of(cls, given: Sequence[float | None], *, whole: bool) -> Range:
+    def of(cls, bounds: Sequence[float | None], *, whole: bool) -> Range:
         """Make a range from bounds [low, high]; bounds on whole numbers have no tolerance."""
-        low, high = given
+        low, high = bounds
         slack = 0.0 if whole else tolerances.DECIMALS
         least = -inf if low is None else low * (1.0 - slack)
         return cls(low, high, least, inf if high is None else high * (1.0 + slack))
@@ -77,7 +77,6 @@ EXTENT: Final = Measure("block_extent", "of extent", False, None)
 
 # sum of the masses of the elements
 MASS: Final = Measure("block_mass", "of mass", False, lambda elements: elements.mass)
-
 MEASURES: Final = (CELLS, WEIGHT, MASS, EXTENT)  # block measures that can be limited, in the order of messages
 
 # number of elements of a block that `search.except` names: one exempts the block from limits
@@ -149,25 +148,23 @@ def block_sizes(assembly: Assembly, blocks: Ints, measures: Sequence[Measure] = 
     """Compute the sizes of blocks (k, n), scene units, at the column of each name, by key of the measure."""
     elements, free = assembly.elements, assembly.elements.free
     count, width = blocks.shape
-    found = {}
+    sizes = {}
     for measure in measures:
         if measure.of:
             values = totals_of(blocks, free, measure.of(elements)[free])
         else:
-            place = (blocks[:, free] + width * np.arange(count)[:, None]).ravel()
+            flat_name = (blocks[:, free] + width * np.arange(count)[:, None]).ravel()
             corner = np.full((count * width, 2 * assembly.dimension), -inf)
-            np.maximum.at(corner, place, np.tile(np.hstack([elements.upper, -elements.lower])[free], (count, 1)))
+            np.maximum.at(corner, flat_name, np.tile(np.hstack([elements.upper, -elements.lower])[free], (count, 1)))
             values = np.where(np.isfinite(corner[:, 0]), _longest(corner.T), 0.0)
-        found[measure.key] = np.asarray(values, dtype=np.float64).reshape(count, width)
-    return found
+        sizes[measure.key] = np.asarray(values, dtype=np.float64).reshape(count, width)
+    return sizes
 
 
 _SAME: Final = 1e-12  # relative difference up to which sizes of elements count as equal
 
-
 # limits on the shape of single blocks: key under "search", and attribute of an outline
 SHAPED: Final = {"block_aspect": "aspect"}
-
 _MEASURED: Final = 1e-6  # relative rounding allowed for values measured on the outline of a block
 
 
@@ -184,9 +181,9 @@ class Limits:
     @cached_property
     def on_counts(self) -> tuple[tuple[Count, Range], ...]:
         keys = type(self.search).model_fields.keys()
-        given = [(count, getattr(self.search, count.name)) for count in registered() if count.name in keys]
-        given += [(count_named(name, f"search.limits.{name}"), pair) for name, pair in self.search.limits.items()]
-        ranges = ((count, Range.of(pair, whole=count.integer)) for count, pair in given)
+        pairs = [(count, getattr(self.search, count.name)) for count in registered() if count.name in keys]
+        pairs += [(count_named(name, f"search.limits.{name}"), pair) for name, pair in self.search.limits.items()]
+        ranges = ((count, Range.of(pair, whole=count.integer)) for count, pair in pairs)
         return tuple((count, bounds) for count, bounds in ranges if bounds.given)
 
     @cached_property
@@ -199,16 +196,16 @@ class Limits:
     @cached_property
     def excepted(self) -> Bools:
         """(n,) mask of the elements, with the sink, that exempt their block from limits."""
-        found, elements = np.zeros(len(self.assembly.elements), dtype=bool), self.assembly.elements
-        for place, name in enumerate(self.search.except_):
+        mask, elements = np.zeros(len(self.assembly.elements), dtype=bool), self.assembly.elements
+        for position, name in enumerate(self.search.except_):
             if name not in elements.index or elements.support[elements.index[name]]:
-                what = "is a support" if name in elements.index else "names no element"
-                raise InputError(f"search.except[{place}]", f"{name!r} {what}", "the id of a free element")
-            found[elements.index[name]] = True
+                fault = "is a support" if name in elements.index else "names no element"
+                raise InputError(f"search.except[{position}]", f"{name!r} {fault}", "the id of a free element")
+            mask[elements.index[name]] = True
         if self.assembly.sink >= 0:
             # Omitted cells do not form a block.
-            found[self.assembly.sink] = True
-        return found
+            mask[self.assembly.sink] = True
+        return mask
 
     @property
     def mendable(self) -> bool:
@@ -231,7 +228,7 @@ class Limits:
         bounds = [(name, Range.of(getattr(self.search, key), whole=False)) for key, name in SHAPED.items()]
         convex = self.search.convex_blocks
         corners = Range.of((None, None if convex is False else 0 if convex is True else convex), whole=True)
-        return tuple((name, one) for name, one in (*bounds, ("reentrant", corners)) if one.given)
+        return tuple((name, limit) for name, limit in (*bounds, ("reentrant", corners)) if limit.given)
 
     def misshapen(self, members: Iterable[int]) -> bool:
         """Return whether a block, given by its free elements, violates a limit on its shape."""
@@ -261,44 +258,44 @@ class Limits:
 
     def too_large(self, size: SizeOf, slack: float = 0.0) -> Bools:
         """Return where blocks exceed an upper limit, in the shape of the sizes; False for exempt ones."""
-        found = [bounds.above(size(measure), slack) for measure, bounds in self.on_blocks if bounds.high is not None]
-        return self._violated(found, size)
+        exceeded = [bounds.above(size(measure), slack) for measure, bounds in self.on_blocks if bounds.high is not None]
+        return self._violated(exceeded, size)
 
     def too_small(self, size: SizeOf, slack: float = 0.0) -> Bools:
         """Return where blocks are below a lower limit; False for exempt ones."""
-        found = [bounds.below(size(measure), slack) for measure, bounds in self.on_blocks if bounds.low is not None]
-        return self._violated(found, size)
+        missed = [bounds.below(size(measure), slack) for measure, bounds in self.on_blocks if bounds.low is not None]
+        return self._violated(missed, size)
 
     def _violated(self, broken: list[Bools], size: SizeOf) -> Bools:
         if not broken:
             return np.asarray(False)
-        found = np.logical_or.reduce(broken)
-        return np.asarray(found & (size(EXEMPT) == 0.0) if self.excepted.any() else found)
+        violated = np.logical_or.reduce(broken)
+        return np.asarray(violated & (size(EXEMPT) == 0.0) if self.excepted.any() else violated)
 
     def kept(self, labellings: Bits, graph: Connectivity, blocks: Ints | None = None) -> Bools:
         """Return (k,) whether labellings (k, m), of known blocks (k, n), satisfy all limits."""
-        good = np.ones(len(labellings), dtype=bool)
+        satisfied = np.ones(len(labellings), dtype=bool)
         if self.assembly.sink >= 0 and len(labellings):
             blocks = blocks_of(graph, labellings) if blocks is None else blocks
-            good &= self._leaves_a_structure(graph, blocks)
+            satisfied &= self._leaves_a_structure(graph, blocks)
         if self.on_blocks:
             blocks = blocks_of(graph, labellings) if blocks is None else blocks
             sizes = block_sizes(self.assembly, blocks, [CELLS, *(m for m, _ in self.on_blocks if m is not CELLS)])
             holds = sizes[CELLS.key] > 0
             sizes[EXEMPT.key] = self._exempt(blocks)
             wrong = self.too_large(lambda m: sizes[m.key]) | self.too_small(lambda m: sizes[m.key])
-            good &= ~np.any(holds & wrong, axis=1)
-        if self.on_shapes and good.any():
+            satisfied &= ~np.any(holds & wrong, axis=1)
+        if self.on_shapes and satisfied.any():
             blocks = blocks_of(graph, labellings) if blocks is None else blocks
-            holds, places = self.block_shapes.look(blocks)
+            holds, shape_of = self.block_shapes.look(blocks)
             if self.excepted.any():
                 holds &= self._exempt(blocks) == 0.0
             for name, bounds in self.on_shapes:
-                odd = bounds.outside(self.block_shapes.values(name), _MEASURED)
-                good &= ~np.any(holds & odd[places], axis=1)
+                misshapen = bounds.outside(self.block_shapes.values(name), _MEASURED)
+                satisfied &= ~np.any(holds & misshapen[shape_of], axis=1)
         for count, bounds in self.on_counts:
-            good &= ~bounds.outside(values_of(count, self.assembly, labellings, graph, self.block_shapes))
-        return good
+            satisfied &= ~bounds.outside(values_of(count, self.assembly, labellings, graph, self.block_shapes))
+        return satisfied
 
     @property
     def most_left_out(self) -> float:
@@ -315,14 +312,14 @@ class Limits:
         gone = blocks == blocks[:, [sink]]
         free, support = elements.free, np.flatnonzero(elements.support & (np.arange(len(elements)) != sink))
         enough = gone[:, free] @ elements.volume[free] <= self.most_left_out
-        good = ~gone[:, support].any(axis=1) & enough & ~gone[:, free].all(axis=1)
+        standing = ~gone[:, support].any(axis=1) & enough & ~gone[:, free].all(axis=1)
         may = np.isin(np.arange(len(elements)), faces.a[faces.b == sink])
-        good &= ~(gone[:, free] & ~may[free]).any(axis=1)
+        standing &= ~(gone[:, free] & ~may[free]).any(axis=1)
         parts = blocks_of(graph, gone[:, faces.a] | gone[:, faces.b])
         rows = np.arange(len(blocks))[:, None]
         grounded = np.zeros(blocks.shape, dtype=bool)
         grounded[rows, parts[:, support]] = True
-        return np.asarray(good & (grounded[rows, parts[:, free]] | gone[:, free]).all(axis=1))
+        return np.asarray(standing & (grounded[rows, parts[:, free]] | gone[:, free]).all(axis=1))
 
     def _exempt(self, blocks: Ints) -> Floats:
         """Return (k, n) number of exempt elements in each block, at the column of its name."""
@@ -331,8 +328,8 @@ class Limits:
     def by_cells(self, sized: Sized) -> dict[str, Range]:
         """Return the range of each measure by its key; equal cells turn it into a range on cells."""
         # A limit on an additive measure becomes a limit on cells if all cells have the same size.
-        found = {measure.key: self.bounds(measure) for measure in MEASURES}
-        cells = found[CELLS.key]
+        limits = {measure.key: self.bounds(measure) for measure in MEASURES}
+        cells = limits[CELLS.key]
         low, high = max(cells.least, 0.0), cells.most
         count = sized.adds[CELLS.key]
         for measure, bounds in self.on_blocks:
@@ -343,6 +340,6 @@ class Limits:
             if unit - float(share.min()) <= _SAME * unit and unit > 0.0:
                 low = max(low, ceil(bounds.least / unit - tolerances.DECIMALS) if bounds.least > 0.0 else low)
                 high = min(high, floor(bounds.most / unit + tolerances.DECIMALS) if bounds.most < inf else high)
-                found[measure.key] = Range.of((None, None), whole=measure.whole)
-        found[CELLS.key] = Range(low or None, None if high == inf else high, low, high)
-        return found
+                limits[measure.key] = Range.of((None, None), whole=measure.whole)
+        limits[CELLS.key] = Range(low or None, None if high == inf else high, low, high)
+        return limits

@@ -136,9 +136,9 @@ def _refuse_counts(limits: Limits, candidates: Bools, fixed: Bits, numbers: _Num
         elif not bounds.above(low):
             why = ""
         if bounds.above(low) or bounds.below(high):
-            because = f", since search.{why} is {_written(getattr(limits.search, why))}" if why else ""
+            because = f", since search.{why} is {_bounds_words(getattr(limits.search, why))}" if why else ""
             remedy = "a range that meets this" + (f", or a wider search.{why}" if why else "")
-            problem = f"{_asked(bounds)} asked, but there can be {low} to {high}{because}"
+            problem = f"{_range_words(bounds)} asked, but there can be {low} to {high}{because}"
             raise InputError(f"search.{count.name}", problem, remedy)
 
 
@@ -149,45 +149,49 @@ def _refuse_shapes_and_sawing(
     # Blocks that can be joined to no other stand alone in every labelling: their shapes must exist. Sawn faces are at
     # least those of triangles or tetrahedra. Sawn length is least where all candidates are inner, and most where none
     # is.
-    asked = [(count, bounds) for count, bounds in limits.on_counts if not count.terms]
-    if not asked:
+    limited = [(count, bounds) for count, bounds in limits.on_counts if not count.terms]
+    if not limited:
         return
     assembly = limits.assembly
     ends = np.array([~candidates & fixed, candidates | fixed])
     # the number of shapes of blocks that no face can join to others, at least 1
     joins = candidates & may_join(limits, least, graph) & (least[graph.a] != least[graph.b])
-    open_ones = np.unique(np.concatenate([least[graph.a[joins]], least[graph.b[joins]]]))
+    joinable = np.unique(np.concatenate([least[graph.a[joins]], least[graph.b[joins]]]))
     free = limits.assembly.elements.free
-    names = [int(name) for name in np.unique(least[free]) if name not in open_ones]
+    names = [int(name) for name in np.unique(least[free]) if name not in joinable]
     members = [free[least[free] == name].tolist() for name in names]
-    alone = max(1, len(np.unique(limits.block_shapes.kinds(members)))) if members else 1
+    fewest = max(1, len(np.unique(limits.block_shapes.kinds(members)))) if members else 1
     dimension = assembly.dimension
-    known: dict[str, tuple[float, float, str]] = {}
-    for count, _ in asked:
+    ranges: dict[str, tuple[float, float, str]] = {}
+    for count, _ in limited:
         why = f"at least {numbers.least} blocks" + (f" by search.{numbers.least_key}" if numbers.least_key else "")
         if count.kinds:
-            words = f"{alone} must exist, of {numbers.most} blocks at most"
-            known[count.name] = (float(alone), float(numbers.most), words)
+            words = f"{fewest} must exist, of {numbers.most} blocks at most"
+            ranges[count.name] = (float(fewest), float(numbers.most), words)
         elif count.least_of_block:
-            known[count.name] = (float(max(numbers.least, 1) * count.least_of_block[dimension]), np.inf, f"of {why}")
+            ranges[count.name] = (float(max(numbers.least, 1) * count.least_of_block[dimension]), np.inf, f"of {why}")
         elif count.least_of_shape:
-            known[count.name] = (float(alone * count.least_of_shape[dimension]), np.inf, f"of at least {alone} shapes")
+            ranges[count.name] = (
+                float(fewest * count.least_of_shape[dimension]),
+                np.inf,
+                f"of at least {fewest} shapes",
+            )
         elif count.monotone:
             low, high = (float(value) for value in values_of(count, assembly, ends, graph))
-            known[count.name] = (low, high, "from all faces inner to all faces dry")
-    for count, bounds in asked:
-        low, high, words = known.get(count.name, (-np.inf, np.inf, ""))
+            ranges[count.name] = (low, high, "from all faces inner to all faces dry")
+    for count, bounds in limited:
+        low, high, words = ranges.get(count.name, (-np.inf, np.inf, ""))
         if bounds.above(low) or bounds.below(high):
             most = f"to {high:.6g}" if np.isfinite(high) else "and more"
-            problem = f"{_asked(bounds)} asked, but there can be {low:.6g} {most} ({words})"
+            problem = f"{_range_words(bounds)} asked, but there can be {low:.6g} {most} ({words})"
             raise InputError(f"search.{count.name}", problem, "a range that meets this, or other limits on blocks")
 
 
-def _asked(bounds: Range) -> str:
-    return _written([bounds.low, bounds.high])
+def _range_words(bounds: Range) -> str:
+    return _bounds_words([bounds.low, bounds.high])
 
 
-def _written(bounds: list[float | None]) -> str:
+def _bounds_words(bounds: list[float | None]) -> str:
     return "[" + ", ".join("null" if bound is None else f"{bound:g}" for bound in bounds) + "]"
 
 
@@ -286,8 +290,8 @@ class SearchSpace:
         """Return (k,) whether labellings (k, m) have an assembly sequence, or none is required."""
         if self.laying is None:
             return np.ones(len(labellings), dtype=bool)
-        kept: Bools = self.laying.possible(canonical(labellings, self.group))
-        return kept
+        possible: Bools = self.laying.possible(canonical(labellings, self.group))
+        return possible
 
 
 def feasible(space: SearchSpace, labellings: Bits) -> Bools:
@@ -307,15 +311,15 @@ def feasible(space: SearchSpace, labellings: Bits) -> Bools:
     """
     # A labelling must have the fixed labels, no slits unless allowed, and satisfy all limits and the assembly sequence.
     graph = space.graph
-    good = ~np.any((labellings != space.fixed) & ~space.candidates, axis=1)
+    inside = ~np.any((labellings != space.fixed) & ~space.candidates, axis=1)
     blocks = None
     if space.search.segmentation:
         blocks = blocks_of(graph, labellings)
-        good &= ~np.any(labellings & (blocks[:, graph.a] == blocks[:, graph.b]), axis=1)
-    good &= space.limits.kept(labellings, graph, blocks)
+        inside &= ~np.any(labellings & (blocks[:, graph.a] == blocks[:, graph.b]), axis=1)
+    inside &= space.limits.kept(labellings, graph, blocks)
     # Check the most expensive condition last, and only where all others hold.
-    good[good] = space.can_be_laid(labellings[good])
-    return np.asarray(good)
+    inside[inside] = space.can_be_laid(labellings[inside])
+    return np.asarray(inside)
 
 
 @typed
@@ -349,8 +353,8 @@ def search_space(
     require_kind("scene", scene, Scene)
     require_kind("assembly", assembly, Assembly)
     search = scene.search
-    for place, (name, _) in enumerate(search.front.axes):
-        count_named(name, f"search.front.counts[{place}]" if search.front.counts else "search.front.count")
+    for position, (name, _) in enumerate(search.front.axes):
+        count_named(name, f"search.front.counts[{position}]" if search.front.counts else "search.front.count")
     void = void_of(scene, assembly)
     if void is not None:
         assembly = with_sink(void)
@@ -373,8 +377,8 @@ def search_space(
         problem = f"the face {_pair(assembly, slit)} is fixed dry inside a block of fixed inner faces"
         raise InputError(key, problem, "fixed labels without slits")
     if not chosen.any() and not allow_empty:
-        kept = " that search.keep does not fix" if candidates.any() else ""
-        raise InputError("search.candidates", "no face is a candidate", f"at least one face{kept}")
+        exception = " that search.keep does not fix" if candidates.any() else ""
+        raise InputError("search.candidates", "no face is a candidate", f"at least one face{exception}")
     limits = Limits(assembly, search)
     _ = limits.excepted
     refuse_contradictions(limits, chosen, fixed, least, most, graph)
@@ -400,12 +404,12 @@ def _refuse_walls(void: Void, assembly: Assembly, candidates: Bools, search: Sea
 
 def _candidate_faces(scene: Scene, assembly: Assembly) -> Bools:
     """Return (m,) mask of the faces that `search.candidates` selects."""
-    wanted, elements, faces = scene.search.candidates, assembly.elements, assembly.interfaces
-    if isinstance(wanted, list):
-        return faces_of_pairs(wanted, elements, faces, "search.candidates")
-    if wanted == "all+supports":
+    selection, elements, faces = scene.search.candidates, assembly.elements, assembly.interfaces
+    if isinstance(selection, list):
+        return faces_of_pairs(selection, elements, faces, "search.candidates")
+    if selection == "all+supports":
         return ~assembly.of_members
-    if wanted == "all":
+    if selection == "all":
         return assembly.free_faces.copy()
     names = [f"={name}" if name is not None else str(i) for i, name in enumerate(elements.blocks)]
     block = np.unique(np.array(names), return_inverse=True)[1]
@@ -449,15 +453,15 @@ def reasons_against(space: SearchSpace, labels: Bits) -> tuple[str, ...]:
 
 def _of_faces(space: SearchSpace, labels: Bits, block: Ints) -> list[str]:
     """Return violations of fixed labels and of `search.segmentation`; block: (n,) of each element."""
-    found = []
+    violations = []
     for label, name in ((True, "dry"), (False, "inner")):
-        kept = (labels != space.fixed) & ~space.candidates & (space.fixed == label)
-        if kept.any():
-            found.append(f"{_faces(space, kept)} must be {name}")
+        violated = (labels != space.fixed) & ~space.candidates & (space.fixed == label)
+        if violated.any():
+            violations.append(f"{_faces(space, violated)} must be {name}")
     slits = labels & (block[space.graph.a] == block[space.graph.b])
     if space.search.segmentation and slits.any():
-        found.append(f"{_faces(space, slits)} dry with one block on both sides")
-    return found
+        violations.append(f"{_faces(space, slits)} dry with one block on both sides")
+    return violations
 
 
 def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
@@ -470,29 +474,29 @@ def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
         wrong = bounds.outside(sizes) & ~excepted
         if wrong.any():
             worst = int(np.argmax(np.where(wrong, sizes, -1.0)))
-            what = f"{_block(space, blocks[0], int(names[worst]), wrong)} has {sizes[worst]:.6g} {measure.words}"
-            violations.append(f"{what}; {measure.key} allows {_words(bounds)}")
+            size = f"{_block(space, blocks[0], int(names[worst]), wrong)} has {sizes[worst]:.6g} {measure.words}"
+            violations.append(f"{size}; {measure.key} allows {_limit_words(bounds)}")
     if limits.on_shapes:
         wrong = np.array([limits.misshapen(_members(space, blocks[0], int(name)).tolist()) for name in names])
         if wrong.any():
             first = int(names[np.argmax(wrong)])
-            allowed = ", ".join(f"{name} {_words(bounds)}" for name, bounds in limits.on_shapes)
+            allowed = ", ".join(f"{name} {_limit_words(bounds)}" for name, bounds in limits.on_shapes)
             violations.append(f"{_block(space, blocks[0], first, wrong)} has a shape that is not allowed ({allowed})")
     return violations
 
 
 def _of_counts(space: SearchSpace, labels: Bits) -> list[str]:
-    limits, found = space.limits, []
+    limits, violations = space.limits, []
     for count, bounds in limits.on_counts:
         value = values_of(count, space.assembly, labels[None], space.graph, limits.block_shapes)[0]
         if bounds.outside(value):
-            found.append(f"{count.name} is {value:.6g}; the search allows {_words(bounds)}")
+            violations.append(f"{count.name} is {value:.6g}; the search allows {_limit_words(bounds)}")
     if not space.can_be_laid(labels[None])[0]:
-        found.append(f"it cannot be laid as assemble: {space.search.assemble} asks")
-    return found
+        violations.append(f"it cannot be laid as assemble: {space.search.assemble} asks")
+    return violations
 
 
-def _words(bounds: Range) -> str:
+def _limit_words(bounds: Range) -> str:
     if bounds.low is None:
         return f"at most {bounds.high:.6g}"
     return f"at least {bounds.low:.6g}" if bounds.high is None else f"{bounds.low:.6g} to {bounds.high:.6g}"

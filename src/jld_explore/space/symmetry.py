@@ -90,18 +90,18 @@ def signature_of(scene: Scene, assembly: Assembly) -> Signature | None:
 
 def _tags_of_faces(scene: Scene, assembly: Assembly) -> list[Tag]:
     """Return for each face which entry of the scene gives its strengths, with all distributions."""
-    stated: dict[frozenset[str], set[str]] = {}
+    texts_of: dict[frozenset[str], set[str]] = {}
     for entry in scene.materials.faces:
-        stated.setdefault(frozenset(entry.between), set()).add(
+        texts_of.setdefault(frozenset(entry.between), set()).add(
             json.dumps(entry.model_dump(mode="json", exclude={"between"}), sort_keys=True)
         )
     for contact in scene.interfaces or []:
-        own = contact.model_dump(mode="json", exclude={"elements", "polygon", "label"}, exclude_none=True)
-        stated.setdefault(frozenset(contact.elements), set()).add(json.dumps(own, sort_keys=True))
+        strengths = contact.model_dump(mode="json", exclude={"elements", "polygon", "label"}, exclude_none=True)
+        texts_of.setdefault(frozenset(contact.elements), set()).add(json.dumps(strengths, sort_keys=True))
     ids, faces = assembly.elements.ids, assembly.interfaces
     tags: list[Tag] = []
     for a, b in zip(faces.a[: assembly.faces].tolist(), faces.b[: assembly.faces].tolist(), strict=True):
-        texts = stated.get(frozenset((ids[a], ids[b])), set())
+        texts = texts_of.get(frozenset((ids[a], ids[b])), set())
         if len(texts) > 1:
             raise Unknown(f"faces between {ids[a]!r} and {ids[b]!r} have strengths of their own")
         tags.append(tuple(texts))
@@ -115,34 +115,34 @@ def _text(values: Iterable[Any]) -> str:
 def _marks(entries: Sequence[LoadEntry], elements: Elements, kind: str = "dead") -> tuple[Mark, ...]:
     """Return the marks of load entries; raise Unknown for a load that is not known here."""
     d = elements.centroid.shape[1]
-    none, still = np.empty((0, d)), np.empty((0, 1 if d == 2 else 3))
+    no_vectors, still = np.empty((0, d)), np.empty((0, 1 if d == 2 else 3))
     marks: list[Mark] = []
 
-    def add(tag: Tag, element: int, items: Any, vectors: Any = none, turns: Any = still) -> None:
+    def add(tag: Tag, element: int, items: Any, vectors: Any = no_vectors, turns: Any = still) -> None:
         """Add the mark of a fact, and one for each component of its vector that has a distribution."""
         size: Tag = ()
         if isinstance(vectors, UncertainVector):
             size = (vectors.size.cov, vectors.size.kind)
         mean = np.array(vectors, dtype=float).reshape(-1, d)
-        places = np.atleast_2d(np.array(items, dtype=float))
+        rows = np.atleast_2d(np.array(items, dtype=float))
         marks.append(
-            Mark((kind, *tag, *size), element, places, mean, np.array(turns, dtype=float).reshape(-1, still.shape[1]))
+            Mark((kind, *tag, *size), element, rows, mean, np.array(turns, dtype=float).reshape(-1, still.shape[1]))
         )
         for axis, component in enumerate(vectors):
             if isinstance(component, Uncertain):
                 along = (mean[0, axis] * np.eye(d)[axis])[None]
-                marks.append(Mark((kind, "component", component.cov, component.kind), element, places, along, still))
+                marks.append(Mark((kind, "component", component.cov, component.kind), element, rows, along, still))
 
     for entry in entries:
         if isinstance(entry, BodyLoad | TiltLoad):
             add(("body",), -1, np.empty((0, d)), entry.body)
         elif isinstance(entry, PointLoad):
             k = elements.index[entry.element]
-            place = [*(entry.at or elements.centroid[k].tolist()), entry.width or 0.0]
+            point = [*(entry.at or elements.centroid[k].tolist()), entry.width or 0.0]
             moments = entry.moment if isinstance(entry.moment, list) else [entry.moment] * (still.shape[1])
             if len(moments) > 1 and any(isinstance(moment, Uncertain) for moment in moments):
                 raise Unknown("distributions of spatial moments are not compared")
-            add(("point", entry.width is None, *_spread(moments[0])), k, [place], entry.force or none, moments)
+            add(("point", entry.width is None, *_spread(moments[0])), k, [point], entry.force or no_vectors, moments)
         elif isinstance(entry, FaceLoad):
             for tag, element, items, vector in _of_face(entry, elements):
                 add(tag, element, items, vector)
@@ -155,7 +155,7 @@ def _of_face(entry: FaceLoad, elements: Elements) -> list[tuple[Tag, int, Floats
     """Return kind, element, points with pressures, and vector of each part of a load on faces."""
     first, last = entry.ends
     spread: Tag = _spread(entry.pressure)
-    if isinstance(entry.pressure, list) and any(isinstance(one, Uncertain) for one in entry.pressure):
+    if isinstance(entry.pressure, list) and any(isinstance(pressure, Uncertain) for pressure in entry.pressure):
         raise Unknown("distributions of linear pressures are not compared")
     vector = entry.line or entry.traction or np.empty((0, elements.centroid.shape[1]))
     if entry.face.between is not None:
@@ -184,12 +184,12 @@ def same_marks(
     """Return whether marks are mapped one to one: elements by `to`, points by a matrix about `centre`."""
     if len(marks) != len(images):
         return False
-    left = list(range(len(images)))
+    unmatched = list(range(len(images)))
     for mark in marks:
-        image = next((k for k in left if _is_image(mark, images[k], to, matrix, centre, reach)), None)
+        image = next((k for k in unmatched if _is_image(mark, images[k], to, matrix, centre, reach)), None)
         if image is None:
             return False
-        left.remove(image)
+        unmatched.remove(image)
     return True
 
 
@@ -211,12 +211,11 @@ def _is_image(mark: Mark, image: Mark, to: Ints, matrix: Floats, centre: Floats,
     return bool(near.any(axis=0).all() and near.any(axis=1).all())
 
 
-def _size(one: Floats, other: Floats) -> float:
-    return max(float(abs(one).max(initial=0.0)), float(abs(other).max(initial=0.0)))
+def _size(first: Floats, second: Floats) -> float:
+    return max(float(abs(first).max(initial=0.0)), float(abs(second).max(initial=0.0)))
 
 
 _ANGLE: Final = 10.0 * tolerances.SYMMETRY  # largest difference of unit vectors that are mapped onto each other
-
 _FEW: Final = 200  # largest number of points whose distances are all computed; a tree of points takes 0.07 s to import
 
 
@@ -238,9 +237,9 @@ def symmetry_group(
     """Find the group that `search.symmetry` requests; InputError for a "mirror-x" that is not there."""
     d, n, m = assembly.dimension, len(assembly.elements), len(assembly.interfaces)
     identity = (np.eye(d), np.arange(n), np.arange(m))
-    found = [identity]
-    wanted = scene.search.symmetry
-    if wanted != "none":
+    isometries = [identity]
+    requested = scene.search.symmetry
+    if requested != "none":
         mirror = np.diag([-1.0] + [1.0] * (d - 1))
         try:
             signature = signature_of(scene, assembly)
@@ -249,15 +248,15 @@ def symmetry_group(
         if unknown:
             images: list[tuple[Floats, tuple[Ints, Ints] | str]] = [(mirror, unknown)]
         else:
-            spot = _Spot(assembly, scene, candidates, fixed, signature)
-            possible = [mirror] if wanted == "mirror-x" else _possible_matrices(assembly)
-            images = [(matrix, spot.image(matrix)) for matrix in possible]
+            trial = _IsometryTest(assembly, scene, candidates, fixed, signature)
+            possible = [mirror] if requested == "mirror-x" else _possible_matrices(assembly)
+            images = [(matrix, trial.image(matrix)) for matrix in possible]
         for matrix, image in images:
             if not isinstance(image, str):
-                found.append((matrix, *image))
-            elif wanted == "mirror-x":
+                isometries.append((matrix, *image))
+            elif requested == "mirror-x":
                 raise InputError("search.symmetry", f"the scene has no mirror-x symmetry: {image}", '"auto" or "none"')
-    matrices, elements, faces = (np.array(part) for part in zip(*found, strict=True))
+    matrices, elements, faces = (np.array(part) for part in zip(*isometries, strict=True))
     # Isometries with the same effect on faces count once (a mirror through a column of single cells).
     first = np.sort(np.unique(faces, axis=0, return_index=True)[1])
     return SymmetryGroup(matrices[first], elements[first], faces[first])
@@ -277,21 +276,21 @@ def _possible_matrices(assembly: Assembly) -> list[Floats]:
     order = np.lexsort((radius, kind))
     key = (radius + 4.0 * radius.max() * kind)[order]
     first, last = np.searchsorted(key, key - reach, "left"), np.searchsorted(key, key + reach, "right")
-    rivals = np.empty(len(points), dtype=np.int64)
-    rivals[order] = last - first
-    place_of = np.empty(len(points), dtype=np.int64)
-    place_of[order] = np.arange(len(points))
+    alike = np.empty(len(points), dtype=np.int64)
+    alike[order] = last - first
+    rank_of = np.empty(len(points), dtype=np.int64)
+    rank_of[order] = np.arange(len(points))
     # An anchor near the centre would amplify rounding; the rarest of the others has the fewest images.
-    rarest = np.lexsort((-radius, rivals + len(points) * (radius < 1e-3 * radius.max())))
+    rarest = np.lexsort((-radius, alike + len(points) * (radius < 1e-3 * radius.max())))
     anchors = [int(rarest[0])]
     if d == 3:
-        away = np.linalg.norm(np.cross(points[rarest], points[anchors[0]]), axis=1)
+        distance = np.linalg.norm(np.cross(points[rarest], points[anchors[0]]), axis=1)
         limit = 1e-3 * radius.max() * radius[anchors[0]]
-        anchors.append(int(rarest[np.flatnonzero(away > limit)[0]]))
+        anchors.append(int(rarest[np.flatnonzero(distance > limit)[0]]))
     base = frame(points[anchors])
-    places = [np.sort(order[first[place_of[anchor]] : last[place_of[anchor]]]) for anchor in anchors]
+    images_of_anchors = [np.sort(order[first[rank_of[anchor]] : last[rank_of[anchor]]]) for anchor in anchors]
     matrices = []
-    for images in np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, d - 1):
+    for images in np.stack(np.meshgrid(*images_of_anchors, indexing="ij"), axis=-1).reshape(-1, d - 1):
         gram = points[images] @ points[images].T - points[anchors] @ points[anchors].T
         if abs(gram).max() > 4.0 * reach * radius.max():
             continue
@@ -318,7 +317,7 @@ def _kinds(assembly: Assembly) -> Ints:
     return np.asarray(np.unique(table, axis=0, return_inverse=True)[1].reshape(-1), dtype=np.int64)
 
 
-class _Spot:
+class _IsometryTest:
     """Test of isometries on one scene; finer cells are computed once a matrix maps the joint grid."""
 
     def __init__(
@@ -370,7 +369,7 @@ class _Spot:
 def _image(assembly: Assembly, matrix: Floats, centre: Floats, signature: Signature | None) -> tuple[Ints, Ints] | str:
     """Return the images of elements (n,) and interfaces (m,) under a matrix about `centre`, or a reason."""
     # The reason is a text that names the first property that is not mapped onto itself.
-    whole, assembly = assembly, faces_of(assembly)
+    with_members, assembly = assembly, faces_of(assembly)
     elements, faces = assembly.elements, assembly.interfaces
     reach = tolerances.SYMMETRY * assembly.size
     moved = (elements.centroid - centre) @ matrix.T + centre
@@ -406,7 +405,7 @@ def _image(assembly: Assembly, matrix: Floats, centre: Floats, signature: Signat
         return "its yield criteria are not mapped onto themselves"
     if signature is not None and not (same_tags(signature.elements, to) and same_tags(signature.faces, face_to)):
         return "distributions of its values are not mapped onto themselves"
-    members_to = _image_of_members(whole, signature, to, matrix, centre, reach)
+    members_to = _image_of_members(with_members, signature, to, matrix, centre, reach)
     if members_to is None:
         return "its members are not mapped onto themselves"
     return to, np.concatenate([face_to, members_to])
@@ -476,15 +475,15 @@ def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: fl
     if not len(points):
         return np.zeros(0, dtype=np.int64)
     # An additional coordinate separates kinds by more than the distance of any two points.
-    apart = 4.0 * max(float(np.ptp(points, axis=0).max()), reach)
-    places, targets = np.column_stack([points, apart * kind]), np.column_stack([moved, apart * kind_to])
+    gap = 4.0 * max(float(np.ptp(points, axis=0).max()), reach)
+    sources, targets = (np.column_stack([points, gap * kind]), np.column_stack([moved, gap * kind_to]))
     if len(points) <= _FEW:
-        distances = np.linalg.norm(targets[:, None] - places[None], axis=2)
+        distances = np.linalg.norm(targets[:, None] - sources[None], axis=2)
         to, distance = distances.argmin(axis=1), distances.min(axis=1)
     else:
         from scipy.spatial import cKDTree
 
-        distance, to = cKDTree(places).query(targets, distance_upper_bound=2.0 * reach)
+        distance, to = cKDTree(sources).query(targets, distance_upper_bound=2.0 * reach)
     fits = np.all(distance <= reach) and len(np.unique(to)) == len(points)
     return np.asarray(to, dtype=np.int64) if fits else None
 
@@ -517,23 +516,23 @@ def _same_loads(
             return False
         return signature is None or same_marks(signature.cases[k], signature.cases[j], to, matrix, centre, reach)
 
-    left = list(range(len(cases)))
+    unmatched = list(range(len(cases)))
     for k in range(len(cases)):
-        image = next((j for j in left if is_image(k, j)), None)
+        image = next((j for j in unmatched if is_image(k, j)), None)
         if image is None:
             return False
-        left.remove(image)
+        unmatched.remove(image)
     return True
 
 
-def _falls_on(one: Assembly, other: Assembly, to: Ints, matrix: Floats) -> bool:
+def _falls_on(case: Assembly, image: Assembly, to: Ints, matrix: Floats) -> bool:
     """Return whether the dead and live loads of one case map onto those of another."""
-    d = one.dimension
+    d = case.dimension
     reflect = np.linalg.det(matrix)
     turn = np.array([[reflect]]) if d == 2 else reflect * matrix
-    for loads, target in ((one.dead, other.dead), (one.live, other.live)):
-        total = np.linalg.norm(loads[:, :d], axis=1).sum() + np.linalg.norm(loads[:, d:], axis=1).sum() / one.size
-        for columns, turning, arm in ((slice(0, d), matrix, 1.0), (slice(d, None), turn, one.size)):
+    for loads, target in ((case.dead, image.dead), (case.live, image.live)):
+        total = np.linalg.norm(loads[:, :d], axis=1).sum() + np.linalg.norm(loads[:, d:], axis=1).sum() / case.size
+        for columns, turning, arm in ((slice(0, d), matrix, 1.0), (slice(d, None), turn, case.size)):
             if (
                 abs(loads[:, columns] @ turning.T - target[to][:, columns]).max(initial=0.0)
                 > 10.0 * tolerances.SYMMETRY * total * arm

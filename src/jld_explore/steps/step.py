@@ -195,8 +195,8 @@ def search_deadline(deadline: Deadline, settings: ExploreSettings, assembly: Ass
     if settings.pictures:
         expected, share = expected + busy * _PICTURES, PICTURES
         expected += field_seconds(settings.seconds) if fields else 0.0
-    kept = max(0.0, expected - share * lateness(settings.seconds))
-    return deadline.earlier(min(kept, _MOST_KEPT * settings.seconds))
+    reserved = max(0.0, expected - share * lateness(settings.seconds))
+    return deadline.earlier(min(reserved, _MOST_KEPT * settings.seconds))
 
 
 MOST: Final = 2.0
@@ -300,16 +300,16 @@ def _bounds(
     assembly: Assembly, plan: CheckPlan, labellings: list[Bits], deadline: Deadline
 ) -> list[tuple[float, float]]:
     """Bound labellings (m,) on the coarsest mesh: (lower, upper) of the first ones, until the deadline."""
-    coarse = [CoarseBounds(one, many=False) for one in plan.meshed]
+    coarse = [CoarseBounds(meshes, many=False) for meshes in plan.meshed]
     required = assembly.required
-    found: list[tuple[float, float]] = []
+    bounds: list[tuple[float, float]] = []
     for labels in labellings:
         if deadline.passed():
             break
-        low = min(one.lower(labels)[0] / factor for one, factor in zip(coarse, required, strict=True))
-        high = min(one.upper(labels)[0] / factor for one, factor in zip(coarse, required, strict=True))
-        found.append((float(low), float(high)))
-    return found
+        low = min(meshes.lower(labels)[0] / factor for meshes, factor in zip(coarse, required, strict=True))
+        high = min(meshes.upper(labels)[0] / factor for meshes, factor in zip(coarse, required, strict=True))
+        bounds.append((float(low), float(high)))
+    return bounds
 
 
 def _findings(values: Floats, low: Floats, high: Floats, uncut: tuple[float, float] | None) -> list[str]:
@@ -317,26 +317,26 @@ def _findings(values: Floats, low: Floats, high: Floats, uncut: tuple[float, flo
     # Bounds by fields may change λ of the best layout, the order of the layouts, and whether cuts are of use.
     if not len(values):
         return []
-    found = []
+    findings = []
     fallen, falls = high < (1.0 - FALL) * values, high < 0.0
     if falls[0]:
         more = int(falls.sum()) - 1
         others = f", and so do {more} more of the best {len(values)}" if more else ""
-        found.append(f"wherever its blocks crack, the best falls under its own weight{others}")
+        findings.append(f"wherever its blocks crack, the best falls under its own weight{others}")
     elif fallen[0]:
         share = 1.0 - high[0] / values[0]
         more = int(fallen.sum()) - 1
         others = f", and {more} more of the best {len(values)} fall by over {FALL:.0%}" if more else ""
-        found.append(f"the blocks of the best carry at most {high[0]:.4g}, {share:.0%} less than by faces{others}")
+        findings.append(f"the blocks of the best carry at most {high[0]:.4g}, {share:.0%} less than by faces{others}")
     elif fallen.any():
-        found.append(f"{int(fallen.sum())} of the best {len(values)} carry over {FALL:.0%} less than by faces")
+        findings.append(f"{int(fallen.sum())} of the best {len(values)} carry over {FALL:.0%} less than by faces")
     stronger = np.flatnonzero(low[1:] > max(high[0], 0.0)) + 1
     if stronger.size:
         row = int(stronger[np.argmax(low[stronger])])
-        found.append(f"row {row + 1} carries at least {low[row]:.4g}, more than the best can")
+        findings.append(f"row {row + 1} carries at least {low[row]:.4g}, more than the best can")
     if uncut is not None and uncut[0] > max(high.max(), 0.0):
-        found.append(f"without cuts it carries at least {uncut[0]:.4g}, more than any of the best {len(values)}")
-    return found
+        findings.append(f"without cuts it carries at least {uncut[0]:.4g}, more than any of the best {len(values)}")
+    return findings
 
 
 MOST_UNCUT: Final = 2000  # largest number of interfaces of an assembly that is solved without its cuts

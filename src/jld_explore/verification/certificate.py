@@ -16,7 +16,6 @@ from jld_core.files import whole_file
 VERSION: Final = 1  # version of the file format
 # exclusive limit on binary digits of velocities; a double has fewer than 1100 after its point
 MOST_DIGITS: Final = 10_000
-
 _KEY: Final = "jld certificate"  # key of the version in the first line
 # Remedy in error messages about a damaged certificate
 _EXPECTED: Final = "a certificate as jld explore --certificate writes it"
@@ -109,7 +108,7 @@ Content = TypeVar("Content")
 
 
 def read_lines(
-    path: Path, key: str, expected: str, known: int, parse: Callable[[dict[str, Any], list[Any]], Content]
+    path: Path, key: str, expected: str, readable: int, parse: Callable[[dict[str, Any], list[Any]], Content]
 ) -> Content:
     """Return what `parse` makes of the first line of a file, without its version under `key`, and of the others.
 
@@ -128,14 +127,14 @@ def read_lines(
         version, digest = head.pop(key), last.pop("sha256")
         if last or len(lines) < 2:
             raise ValueError
-        current = type(version) is int and version == known
+        current = type(version) is int and version == readable
         content = parse(head, lines[1:-1]) if current else None
     except InputError:
         raise
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
         raise InputError(str(path), f"it is no {kind}, or not whole", expected) from None
     if content is None:
-        raise InputError(str(path), f"it is of version {_short(version)}", f"version {known}")
+        raise InputError(str(path), f"it is of version {_short(version)}", f"version {readable}")
     body = text[: text.rstrip(b"\n").rfind(b"\n") + 1]
     if hashlib.sha256(body).hexdigest() != digest:
         raise InputError(str(path), "its digest is not that of its lines", "a certificate as it was written")
@@ -163,17 +162,17 @@ def _claim(head: dict[str, Any], path: str) -> Claim:
     numbers = {"bound": finite(head["bound"])}
     if numbers["bound"] is None:
         raise InputError(path, f"its bound {_short(head['bound'])} is no finite number", "a load factor")
-    labelling, found = head["labelling"], head["load_factor"]
-    if found is not None:
-        numbers["load_factor"] = finite(found)
+    labelling, load = head["labelling"], head["load_factor"]
+    if load is not None:
+        numbers["load_factor"] = finite(load)
         if numbers["load_factor"] is None:
-            raise InputError(path, f"its load_factor {_short(found)} is no finite number", "a load factor, or null")
+            raise InputError(path, f"its load_factor {_short(load)} is no finite number", "a load factor, or null")
         if numbers["load_factor"] > numbers["bound"]:
-            problem = f"the layout it names carries {found!r}, above its own bound {head['bound']!r}"
+            problem = f"the layout it names carries {load!r}, above its own bound {head['bound']!r}"
             raise InputError(path, problem, "a load_factor of at most the bound")
     if labelling is not None and (not isinstance(labelling, str) or set(labelling) - {"d", "i"}):
         raise InputError(path, f"its labelling {_short(labelling)} is none", "letters d and i, or null")
-    if (labelling is None) != (found is None):
+    if (labelling is None) != (load is None):
         raise InputError(path, "of labelling and load_factor one is null", "both, or neither")
     if not isinstance(head["made_by"], str):
         raise InputError(path, f"its made_by {_short(head['made_by'])} is no text", "the name of a program")
@@ -193,10 +192,10 @@ def finite(value: object) -> float | None:
 
 def json_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return a JSON object; raise ValueError for repeated keys, which are ambiguous."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    entries = dict(pairs)
+    if len(entries) < len(pairs):
         raise ValueError
-    return found
+    return entries
 
 
 def no_number(name: str) -> float:
@@ -255,21 +254,21 @@ def at_least(literals: Sequence[int], least: int, top: int) -> tuple[list[list[i
     # with literal i. One direction of the implication suffices, since the constraint is only a lower bound.
     if least > len(literals):
         return [[]], top
-    before: list[int | None] = [None] * (least + 1)  # (0, j) is false for every j > 0
+    previous: list[int | None] = [None] * (least + 1)  # (0, j) is false for every j > 0
     clauses: list[list[int]] = []
-    for place, literal in enumerate(literals, 1):
-        now: list[int | None] = [None] * (least + 1)
-        for j in range(1, min(place, least) + 1):
+    for position, literal in enumerate(literals, 1):
+        current: list[int | None] = [None] * (least + 1)
+        for j in range(1, min(position, least) + 1):
             top += 1
-            now[j] = top
-            fewer = before[j]
+            current[j] = top
+            fewer = previous[j]
             same = [] if fewer is None else [fewer]
             clauses.append([-top, *same, literal])
             if j > 1:
-                one_less = before[j - 1]
+                one_less = previous[j - 1]
                 clauses.append([-top, *same, *([] if one_less is None else [one_less])])
-        before = now
-    last = before[least]
+        previous = current
+    last = previous[least]
     if last is None:
         raise ValueError("a constraint on no literal needs no clauses; least must be 1 or more")
     return [*clauses, [last]], top

@@ -32,6 +32,9 @@ _ROUTE: Final = Route("certificates", STANDARD | CRITERIA)
 # velocities of moving elements as integers: (ux, uy, ω), in space (u, ω); supports never move
 Moves = Mapping[int, Sequence[int]]
 
+# Columns of the sizes and strengths of a face
+_TENSION, _SHEAR, _DRY_CRUSH, _INNER_CRUSH, _DRY_SHEAR, _FRICTION = range(4, 10)
+
 _PARTS: Final = 24  # denominator of dissipation, so that halves, sixths and twelfths of strengths are integers
 
 
@@ -83,27 +86,27 @@ class Balances:
         axes = [faces.normal, faces.e1] if self._planar else [faces.normal, faces.e1, faces.e2]
         anchors = list(self._anchors())
         centres = [assembly.elements.centroid.ravel(), faces.origin.ravel()]
-        points, point_digits = whole(np.concatenate([*centres, *(at for _, _, at, _ in anchors)])[None])
-        places = [points[0][k : k + assembly.dimension] for k in range(0, len(points[0]), assembly.dimension)]
+        points, point_digits = whole(np.concatenate([*centres, *(index for _, _, index, _ in anchors)])[None])
+        positions = [points[0][k : k + assembly.dimension] for k in range(0, len(points[0]), assembly.dimension)]
         frames_of_members = [frame.ravel() for *_, frame in anchors]
         frames, frame_digits = whole(np.concatenate([np.stack(axes, axis=1).ravel(), *frames_of_members])[None])
         d = assembly.dimension
         vectors = [frames[0][k : k + d] for k in range(0, len(frames[0]), d)]
         self._coefficient_digits = point_digits + frame_digits
-        number = len(assembly.elements)
+        first_interface = len(assembly.elements)
         self._sides: list[list[tuple[int, int, list[list[int]]]]] = []
         for face in range(self._count):
             frame = vectors[d * face : d * face + d]
             sides = []
             for sign, element in ((-1, int(faces.a[face])), (1, int(faces.b[face]))):
                 if not (self._of_member[face] or assembly.elements.support[element]):
-                    arm = [o - c for o, c in zip(places[number + face], places[element], strict=True)]
+                    arm = [o - c for o, c in zip(positions[first_interface + face], positions[element], strict=True)]
                     sides.append((element, sign, _rows(frame, arm, point_digits, frame_digits)))
             self._sides.append(sides)
-        for place, (face, element, _, _) in enumerate(anchors):
+        for anchor, (face, element, _, _) in enumerate(anchors):
             if not assembly.elements.support[element]:
-                at, first = number + self._count + place, d * (self._count + place)
-                arm = [o - c for o, c in zip(places[at], places[element], strict=True)]
+                index, first = first_interface + self._count + anchor, d * (self._count + anchor)
+                arm = [o - c for o, c in zip(positions[index], positions[element], strict=True)]
                 rows = _rows(vectors[first : first + d], arm, point_digits, frame_digits)
                 none = [0] * assembly.freedoms
                 self._sides[face].append((element, 1, [*rows[:d], *([none] * (assembly.freedoms - d))]))
@@ -119,11 +122,11 @@ class Balances:
             face = int(members.face[k])
             sides = [faces.e1[face], faces.e2[face]][: d - 1]
             elements, points, forces = members.push(k)
-            for place, (element, at, force) in enumerate(zip(elements.tolist(), points, forces, strict=True)):
+            for end, (element, at, force) in enumerate(zip(elements.tolist(), points, forces, strict=True)):
                 frame = np.zeros((d, d))
                 frame[0] = force if members.axial[k] else 0.0
                 if members.kinds[k] == "pin":
-                    frame[1:] = (-1.0 if place == 0 else 1.0) * np.array(sides)
+                    frame[1:] = (-1.0 if end == 0 else 1.0) * np.array(sides)
                 yield face, element, at, frame
 
     def weigh(self, moves: Moves, digits: int, labels: Mapping[int, bool]) -> Balance:
@@ -135,10 +138,10 @@ class Balances:
             jump = self._jump(face, moves)
             if not any(jump):
                 continue
-            known = labels.get(face)
+            label = labels.get(face)
             worst = 0
-            known = False if self._of_member[face] else known
-            for dry in (True, False) if known is None else (known,):
+            label = False if self._of_member[face] else label
+            for dry in (True, False) if label is None else (label,):
                 cost = self._cost(face, jump, dry)
                 if cost is None:
                     return Balance(work, None)
@@ -173,13 +176,13 @@ class Balances:
         return self._planar_cost(face, jump, dry) if self._planar else self._spatial_cost(face, jump, dry)
 
     def _jump(self, face: int, moves: Moves) -> list[int]:
-        found = [0] * self.assembly.freedoms
+        jump = [0] * self.assembly.freedoms
         for element, sign, rows in self._sides[face]:
             velocity = moves.get(element)
             if velocity is not None:
                 for k, row in enumerate(rows):
-                    found[k] += sign * sum(c * v for c, v in zip(row, velocity, strict=True) if c)
-        return found
+                    jump[k] += sign * sum(c * v for c, v in zip(row, velocity, strict=True) if c)
+        return jump
 
     def _power(self, forces: list[list[int]], shared: int, moves: Moves, digits: int) -> Fraction:
         """Return the exact power of integer forces over 2^shared under velocities over 2^digits."""
@@ -192,25 +195,25 @@ class Balances:
         """Return the dissipation of a planar face, (3.4) to (3.7), rounded up; None if infinite."""
         # The unit is 1/24 of 2**−(jumps + 3 digits).
         area, length, _, _, tension, shear, limit, compression, sticks, friction, rough = self._numbers[face]
-        known, digits = self._finite[face], self._digits
+        finite, digits = self._finite[face], self._digits
         opening, slip, turn = jump[0] << digits, abs(jump[1]), length * abs(jump[2])
         if dry:
-            if not known[9]:
+            if not finite[_FRICTION]:
                 return None
             stuck = _PARTS * area * sticks * slip << digits
             closing = turn - 2 * (opening - friction * slip)
             if closing <= 0:
                 return stuck
-            if not known[6] or not limit:
+            if not finite[_DRY_CRUSH] or not limit:
                 return None
             if closing < 2 * turn:
                 return stuck + -(-3 * area * limit * closing * closing // turn)
             return stuck + 12 * area * limit * (closing - turn)
-        if not (known[4] and known[5]):
+        if not (finite[_TENSION] and finite[_SHEAR]):
             return None
         cracked = opening - rough * slip
         sheared = _PARTS * area * shear * slip << digits
-        if not known[7]:
+        if not finite[_INNER_CRUSH]:
             return None if 6 * cracked < turn else sheared + _PARTS * area * tension * cracked
         corner = 2 * area * (compression + tension) * turn - 12 * area * (compression - tension) * cracked
         ends = _PARTS * area * max(tension * cracked, -compression * cracked)
@@ -242,7 +245,7 @@ class Balances:
         """Return the dissipation of a spatial face, (3.4) and (3.5), rounded up; None if infinite."""
         # The unit is 1/24 of 2**−(jumps + 4 digits).
         area, l1, l2, arm, tension, shear, _, compression, sticks, friction, rough = self._numbers[face]
-        finite, digits = self._finite[face], self._digits  # 4: tension, 5: shear, 9: friction
+        finite, digits = self._finite[face], self._digits
         slide = math.isqrt(jump[1] * jump[1] + jump[2] * jump[2])
         slide += slide * slide < jump[1] * jump[1] + jump[2] * jump[2]
         slip = max(slide << digits, arm * abs(jump[5]))
@@ -252,10 +255,10 @@ class Balances:
             axial = max(tension * opening, -compression * opening)
             return _PARTS * area * ((shear * slip << digits) + axial)
         if dry:
-            if not finite[9] or 2 * (opening - friction * slip) < turn:
+            if not finite[_FRICTION] or 2 * (opening - friction * slip) < turn:
                 return None
             return _PARTS * area * sticks * slip << digits
-        if not (finite[4] and finite[5]) or 6 * (opening - rough * slip) < turn:
+        if not (finite[_TENSION] and finite[_SHEAR]) or 6 * (opening - rough * slip) < turn:
             return None
         return _PARTS * area * ((shear * slip << digits) + tension * (opening - rough * slip))
 
@@ -266,21 +269,23 @@ def _work(rows: Floats, sides: Floats, jump: Sequence[Fraction]) -> Fraction | N
     # Costs are pairs, first those of the artificial columns that it begins with; Bland's rule ends it.
     used = np.any(rows != 0.0, axis=1)
     columns = [[Fraction(x) for x in row] for row in rows[used].tolist()]
-    count, own = len(columns), len(jump)
-    none, one = Fraction(0), Fraction(1)
-    costs = [(none, Fraction(d)) for d in sides[used].tolist()] + [(one, none)] * own
+    count, height = len(columns), len(jump)
+    zero, one = Fraction(0), Fraction(1)
+    costs = [(zero, Fraction(d)) for d in sides[used].tolist()] + [(one, zero)] * height
     table = []
     for i, value in enumerate(jump):
         sign = -1 if value < 0 else 1
-        table.append([*(sign * column[i] for column in columns), *(Fraction(i == j) for j in range(own)), sign * value])
-    basis = list(range(count, count + own))
+        table.append(
+            [*(sign * column[i] for column in columns), *(Fraction(i == j) for j in range(height)), sign * value]
+        )
+    basis = list(range(count, count + height))
 
-    def reduced(place: int) -> tuple[Fraction, Fraction]:
-        parts = [(costs[name], row[place]) for name, row in zip(basis, table, strict=True) if row[place]]
-        first, second = (costs[place][k] - sum((cost[k] * x for cost, x in parts), none) for k in (0, 1))
+    def reduced(index: int) -> tuple[Fraction, Fraction]:
+        parts = [(costs[name], row[index]) for name, row in zip(basis, table, strict=True) if row[index]]
+        first, second = (costs[index][k] - sum((cost[k] * x for cost, x in parts), zero) for k in (0, 1))
         return first, second
 
-    while (enters := next((j for j in range(count) if j not in basis and reduced(j) < (none, none)), None)) is not None:
+    while (enters := next((j for j in range(count) if j not in basis and reduced(j) < (zero, zero)), None)) is not None:
         ratios = [(row[-1] / row[enters], basis[i], i) for i, row in enumerate(table) if row[enters] > 0]
         if not ratios:
             return None
@@ -293,7 +298,7 @@ def _work(rows: Floats, sides: Floats, jump: Sequence[Fraction]) -> Fraction | N
         basis[leaves] = enters
     if any(name >= count and row[-1] for name, row in zip(basis, table, strict=True)):
         return None
-    return sum((costs[name][1] * row[-1] for name, row in zip(basis, table, strict=True)), none)
+    return sum((costs[name][1] * row[-1] for name, row in zip(basis, table, strict=True)), zero)
 
 
 def _slip(gauge: Gauge, jump: Sequence[Fraction]) -> Fraction:
@@ -415,17 +420,17 @@ class Labellings:
         elements, faces = assembly.elements, assembly.interfaces
         dry = faces_of_pairs(search.keep.dry, elements, faces, "search.keep.dry")
         inner = faces_of_pairs(search.keep.inner, elements, faces, "search.keep.inner")
-        named = None
+        listed = None
         if isinstance(search.candidates, list):
-            named = faces_of_pairs(search.candidates, elements, faces, "search.candidates")
-        found: dict[int, bool] = {}
+            listed = faces_of_pairs(search.candidates, elements, faces, "search.candidates")
+        fixed: dict[int, bool] = {}
         members = assembly.of_members.tolist()
         for face, (a, b) in enumerate(self._ends):
             inside = not (elements.support[a] or elements.support[b])
             if members[face]:
                 free = False
-            elif named is not None:
-                free = bool(named[face])
+            elif listed is not None:
+                free = bool(listed[face])
             elif search.candidates == "all+supports":
                 free = True
             elif search.candidates == "all":
@@ -434,10 +439,10 @@ class Labellings:
                 same = elements.blocks[a] is not None and elements.blocks[a] == elements.blocks[b]
                 free = inside and same
             if dry[face] or inner[face]:
-                found[face] = bool(dry[face])
+                fixed[face] = bool(dry[face])
             elif not free:
-                found[face] = bool(assembly.labels[face])
-        return found
+                fixed[face] = bool(assembly.labels[face])
+        return fixed
 
     @property
     def blocks(self) -> list[Block]:
@@ -494,9 +499,9 @@ class Labellings:
     def too_small(self, within: Sequence[int]) -> Clause | None:
         """Return the clause that not all faces around given elements are dry, or None."""
         members = set(within)
-        known = all(0 <= e < len(self._support) for e in members) and not all(self._support[e] for e in members)
+        valid = all(0 <= e < len(self._support) for e in members) and not all(self._support[e] for e in members)
         # Supports that touch belong to one block without a face between them.
-        if not known or any(other not in members for e in members for other in self._touching[e]):
+        if not valid or any(other not in members for e in members for other in self._touching[e]):
             return None
         border = {f for e in members for f in self._around[e] if len(members.intersection(self._ends[f])) == 1}
         for size, (low, _), slack in self._sizes(members):
@@ -560,12 +565,12 @@ def follows(lemma: Sequence[int], by: Sequence[int], clauses: Mapping[int, Seque
         clause = clauses.get(name)
         if clause is None:
             return False
-        left = [literal for literal in clause if literal not in false]
-        if not left:
+        undecided = [literal for literal in clause if literal not in false]
+        if not undecided:
             return True
-        if len(set(left)) > 1:
+        if len(set(undecided)) > 1:
             return False
-        false.add(-left[0])
+        false.add(-undecided[0])
     return False
 
 
@@ -604,18 +609,24 @@ def verify(path: Path, scene: Scene | None = None) -> Verified:
     """
     start = time.perf_counter()
     claim, reasons = read(path)
-    held = parse_scene(claim.scene, str(path))
-    if scene is not None and scene.fingerprint != held.fingerprint:
-        problem = f"it is of another scene ({held.name!r})"
+    own_scene = parse_scene(claim.scene, str(path))
+    if scene is not None and scene.fingerprint != own_scene.fingerprint:
+        problem = f"it is of another scene ({own_scene.name!r})"
         raise InputError(str(path), problem, f"a certificate of {scene.name!r} as it stands")
     try:
-        Checker(held, build_assembly(held), claim).check(reasons)
+        Checker(own_scene, build_assembly(own_scene), claim).check(reasons)
     except InputError as error:
         raise error.within(str(path)) from None
     kinds = Counter(type(reason) for reason in reasons)
     seconds = time.perf_counter() - start
     return Verified(
-        claim, held, kinds[Mechanism] + kinds[BlockMechanism], kinds[Rule], kinds[Lemma], path.stat().st_size, seconds
+        claim,
+        own_scene,
+        kinds[Mechanism] + kinds[BlockMechanism],
+        kinds[Rule],
+        kinds[Lemma],
+        path.stat().st_size,
+        seconds,
     )
 
 
@@ -682,8 +693,8 @@ class Checker:
         balance = None if reason.dry or reason.inner else self._weighed(reason)
         if balance is None or balance.spent is None or balance.work <= 0:
             return False
-        known, most = self.ceilings[reason.case], balance.spent / balance.work
-        self.ceilings[reason.case] = most if known is None else min(known, most)
+        ceiling, load_factor = self.ceilings[reason.case], balance.spent / balance.work
+        self.ceilings[reason.case] = load_factor if ceiling is None else min(ceiling, load_factor)
         return True
 
     def _weighed(self, reason: Mechanism) -> Balance | None:

@@ -129,8 +129,8 @@ def _free_edges(assembly: Assembly) -> list[tuple[int, Floats, Floats]]:
         for p, q in zip(elements.shape[k], np.roll(elements.shape[k], -1, axis=0), strict=True)
     ]
     middles = shapely.points([0.5 * (p + q) for _, p, q in every])
-    apart = ~shapely.dwithin(middles, supports, _ON * size) if not supports.is_empty else np.ones(len(every), bool)
-    return [edge for edge, free in zip(every, apart.tolist(), strict=True) if free]
+    is_free = ~shapely.dwithin(middles, supports, _ON * size) if not supports.is_empty else np.ones(len(every), bool)
+    return [edge for edge, free in zip(every, is_free.tolist(), strict=True) if free]
 
 
 def _facing_edges(assembly: Assembly, facing: Floats, axis: Floats) -> list[Edge]:
@@ -167,8 +167,8 @@ def _between(assembly: Assembly, first: Floats, last: Floats) -> LoadedLine:
         edges.append(Edge(element, float(ends[0]), float(ends[1]), p, q))
     covered = sum(edge.high - edge.low for edge in edges)
     if covered < (1.0 - _UNCOVERED) * length:
-        named = "({:.6g}, {:.6g}) and ({:.6g}, {:.6g})".format(*first, *last)
-        problem = f"no free straight edge of the outline joins {named}"
+        points = "({:.6g}, {:.6g}) and ({:.6g}, {:.6g})".format(*first, *last)
+        problem = f"no free straight edge of the outline joins {points}"
         raise ParameterError("along", problem, "two points of one edge, in the unit of the outline")
     return LoadedLine(edges, np.zeros(2))
 
@@ -276,8 +276,8 @@ class DesignOptions:
         if self.jobs < 1:
             raise ParameterError("jobs", f"{self.jobs} is no number of processes", "a whole number from 1")
         if self.along not in (*SIDES, EXTRADOS) and points_of(self.along) is None:
-            wish = f"{', '.join(SIDES)}, {EXTRADOS}, or two points X,Y,X,Y of an edge"
-            raise ParameterError("along", f"{self.along!r} is no part of an outline", wish)
+            expected = f"{', '.join(SIDES)}, {EXTRADOS}, or two points X,Y,X,Y of an edge"
+            raise ParameterError("along", f"{self.along!r} is no part of an outline", expected)
         if self.along != "top" and self.load is None:
             raise ParameterError("along", "no force acts there", "`load` with a force as well")
         if self.laid is not None and self.laid not in LAID:
@@ -308,8 +308,8 @@ class DesignOptions:
         except ValueError:
             shares = []
         if not 1 <= len(shares) <= _PLACES or not all(0.0 < share < 1.0 for share in shares):
-            wish = f"a number of places up to {_PLACES}, or shares of the length between 0 and 1, as 0.25,0.5"
-            raise ParameterError("places", f"{self.places!r} is wrong", wish)
+            expected = f"a number of places up to {_PLACES}, or shares of the length between 0 and 1, as 0.25,0.5"
+            raise ParameterError("places", f"{self.places!r} is wrong", expected)
         return shares
 
     def force(self, unit: str) -> float | None:
@@ -326,10 +326,10 @@ class DesignOptions:
 
     def of(self, scene: Scene) -> DesignOptions:
         """Return the options with numbers in the units of a scene, as they are where it names units unknown here."""
-        own = units.system_of(scene.model_dump(exclude_defaults=True, include={"units", "materials"}))
-        if not own.known:
+        system = units.system_of(scene.model_dump(exclude_defaults=True, include={"units", "materials"}))
+        if not system.known:
             return self
-        density, stress, length = 1.0 / own.density, 1.0 / own.si((1, -2)), 1.0 / own.si((0, 1))
+        density, stress, length = 1.0 / system.density, 1.0 / system.si((1, -2)), 1.0 / system.si((0, 1))
         sizes = {"density": density, "tension": stress, "shear": stress}
         sizes |= {"block_mass": density * length**3, "width": length}
         return replace(
@@ -422,7 +422,7 @@ def _forces(
     width = options.width if options.width is not None else _SPREAD * (high - low)
     if not width < high - low:
         raise ParameterError("width", f"{width:g} is not below the loaded length, {high - low:g}", "a shorter length")
-    places = []
+    points = []
     for share in options.shares():
         middle = min(max(low + share * (high - low), low + 0.5 * width), high - 0.5 * width)
         parts = line.spread(middle - 0.5 * width, middle + 0.5 * width)
@@ -444,8 +444,8 @@ def _forces(
                     "width": (1.0 - 1e-9) * reach,
                 }
             )
-        places.append((middle, live))
-    return places
+        points.append((middle, live))
+    return points
 
 
 def _forces_in_space(
@@ -456,13 +456,13 @@ def _forces_in_space(
     if options.width is not None:
         raise ParameterError("width", "loads in space act at points", "a planar outline, or no width")
     plan = _Plan(assembly, direction)
-    places = []
+    points = []
     for share in options.shares():
         at = plan.loaded_point(share)
         element, at[plan.vertical] = plan.uppermost(at)
         live = [{"element": assembly.elements.ids[element], "force": (size * plan.down).tolist(), "at": at.tolist()}]
-        places.append((float(at[plan.side]), live))
-    return places
+        points.append((float(at[plan.side]), live))
+    return points
 
 
 class _Plan:
@@ -505,8 +505,8 @@ class _Plan:
 
     def uppermost(self, point: Floats) -> tuple[int, float]:
         """Return the element on top at a point (3,) of the plan, the first of equals, and its vertical coordinate."""
-        place = shapely.Point(point[self._flat])
-        hits = [(self._height(face, point), -k) for k, face, outline in self._faces if outline.covers(place)]
+        spot = shapely.Point(point[self._flat])
+        hits = [(self._height(face, point), -k) for k, face, outline in self._faces if outline.covers(spot)]
         height, element = max(hits)
         return -element, float(-height * np.sign(self.down[self.vertical]))
 
@@ -657,9 +657,9 @@ def _import(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
     notes = Notes(found=list(report.found), assumed=list(report.assumed), doubtful=list(report.doubtful))
     with libraries.reading(file):
         # the options say what was assumed instead
-        said = ("no load was found", "edit materials")
-        loadless = any(said[0] in note for note in notes.assumed)
-        notes.assumed = [note for note in notes.assumed if not any(words in note for words in said)]
+        complaint = ("no load was found", "edit materials")
+        loadless = any(complaint[0] in note for note in notes.assumed)
+        notes.assumed = [note for note in notes.assumed if not any(words in note for words in complaint)]
         if loadless and options.load is None and options.push is None:
             notes.assumed.append("the live load is the weight acting sideways: no load was given or drawn")
         if imported.document["materials"] == exchange_options.DEFAULT_MATERIALS:
@@ -686,12 +686,12 @@ def _refuse_size(scene: Scene, options: DesignOptions, notes: Notes) -> None:
 
 def _defaults(options: DesignOptions) -> list[str]:
     """List the default material values in words, without those that the options state."""
-    given = exchange_options.DEFAULT_MATERIALS
+    defaults = exchange_options.DEFAULT_MATERIALS
     values = {
-        "density": ("density", given["density"], " kg/m³"),
-        "friction": ("friction", given["dry"]["friction_coefficient"], ""),
-        "tension": ("tensile strength of the stone", given["inner"]["tensile_strength"] / 1e6, " N/mm²"),
-        "shear": ("shear strength of the stone", given["inner"]["shear_strength"] / 1e6, " N/mm²"),
+        "density": ("density", defaults["density"], " kg/m³"),
+        "friction": ("friction", defaults["dry"]["friction_coefficient"], ""),
+        "tension": ("tensile strength of the stone", defaults["inner"]["tensile_strength"] / 1e6, " N/mm²"),
+        "shear": ("shear strength of the stone", defaults["inner"]["shear_strength"] / 1e6, " N/mm²"),
     }
     return [
         f"{words} {value:g}{unit}" for name, (words, value, unit) in values.items() if getattr(options, name) is None
@@ -705,9 +705,9 @@ def _materials(document: dict[str, Any], options: DesignOptions, notes: Notes, d
         completed["density"] = options.density
     dry = dict(completed.get("dry") or exchange_options.DEFAULT_MATERIALS["dry"])
     usual = {"materials": exchange_options.DEFAULT_MATERIALS}
-    own = {"force": "N", "length": "m"} | document.get("units", {})
-    if units.UnitSystem.named(**own).known:
-        usual = units.in_units(usual, own, dimension)
+    file_units = {"force": "N", "length": "m"} | document.get("units", {})
+    if units.UnitSystem.named(**file_units).known:
+        usual = units.in_units(usual, file_units, dimension)
     inner = dict(completed.get("inner") or usual["materials"]["inner"])
     if not completed.get("dry") and options.friction is None:
         notes.assumed.append(f"friction {exchange_options.DEFAULT_MATERIALS['dry']['friction_coefficient']:g}")

@@ -64,8 +64,8 @@ def facts_of(work: Design) -> dict[str, Any]:
         "proven": False,
         "verdict": verdict(work),
         "rivals": [
-            {"tessellation": one.tessellation, "kind": one.kind, "at_most": number(one.upper_estimate)}
-            for one in rivals_of(work)
+            {"tessellation": rival.tessellation, "kind": rival.kind, "at_most": number(rival.upper_estimate)}
+            for rival in rivals_of(work)
         ],
         "fields": None if winner is None else _bounds(winner.fields),
         "load_factor": None if winner is None else number(winner.load_factor),
@@ -178,7 +178,7 @@ def words_of(work: Design) -> str:
     if work.usual is not None:
         lines.append(f"usual bond   {_claim(work.usual)}; {_compared(work, work.usual)}")
     lines += [f"checked      {check.words}" for check in work.checks]
-    lines += [f"assumed      {one}" for one in work.outline.assumed]
+    lines += [f"assumed      {assumption}" for assumption in work.outline.assumed]
     lines.append("not proven   that no stronger layout exists: tessellations and moves were tried, not all")
     return "\n".join([*lines, f"written to   {work.folder}: {', '.join(FILES)}"])
 
@@ -349,18 +349,19 @@ def _draw(work: Design, winner: Trial) -> None:
     """Draw the usual bond and the best layout with numbered blocks."""
     from jld_views import figures, writing
 
-    shown = [one for one in (work.usual, winner) if one is not None]
-    assemblies = [built(one) for one in shown]
-    figure, axes = figures.figure_for(assemblies[0], len(shown))
-    for ax, one, assembly in zip(axes, shown, assemblies, strict=True):
+    trials = [trial for trial in (work.usual, winner) if trial is not None]
+    assemblies = [built(trial) for trial in trials]
+    figure, axes = figures.figure_for(assemblies[0], len(trials))
+    for ax, trial, assembly in zip(axes, trials, assemblies, strict=True):
         figures.draw_assembly(ax, assembly, assembly.labels)
-        title = "usual bond" if one.kind == "stated" else f"best: {_name(one)}"
+        title = "usual bond" if trial.kind == "stated" else f"best: {_name(trial)}"
         ax.set_title(
-            f"{title}\nλ by fields {_words_of_bounds(one)}" if math.isfinite(one.fields[0]) else title, fontsize=9
+            f"{title}\nλ by fields {_words_of_bounds(trial)}" if math.isfinite(trial.fields[0]) else title, fontsize=9
         )
-        if one is winner:
-            blocks = [block for block in Layout(one.scene, assembly, assembly.labels).blocks if block.cells]
-            writing.write_numbers(ax, assembly, [one.elements for one in blocks], [one.centroid for one in blocks])
+        if trial is winner:
+            blocks = [block for block in Layout(trial.scene, assembly, assembly.labels).blocks if block.cells]
+            elements, centroids = [block.elements for block in blocks], [block.centroid for block in blocks]
+            writing.write_numbers(ax, assembly, elements, centroids)
     figures.finish(figure, axes, f"{work.outline.scene.name}: a design")
     figures.save_figure(figure, work.folder / FILES[3])
 

@@ -69,9 +69,9 @@ class Task:
     words: str  # where the layout comes from
 
 
-def best_labels(done: Exploration, count: int) -> list[Bits]:
+def best_labels(exploration: Exploration, count: int) -> list[Bits]:
     """Return the labels (m,) of the best `count` layouts of a search that collapse or are locked."""
-    table = done.results[done.results["status"].isin([str(Status.COLLAPSE), str(Status.LOCKED)])]
+    table = exploration.results[exploration.results["status"].isin([str(Status.COLLAPSE), str(Status.LOCKED)])]
     return [from_string(str(text)) for text in table["labelling"].head(count)]
 
 
@@ -114,7 +114,9 @@ def _further_tasks(work: Design, until: Deadline, strength: float, number: int) 
     """Search labels on the best moved cells; return the layouts of a further round."""
     moved = [trial for trial in work.ranked if trial.kind == "moved"]
     bases = moved[:1]
-    bases += sorted((trial for trial in moved if trial not in bases), key=lambda one: -one.upper_estimate)[: _BASES - 1]
+    bases += sorted((trial for trial in moved if trial not in bases), key=lambda trial: -trial.upper_estimate)[
+        : _BASES - 1
+    ]
     tasks: list[Task] = []
     for k, base in enumerate(bases):
         base_labels = build_assembly(base.scene).labels
@@ -127,10 +129,10 @@ def _further_tasks(work: Design, until: Deadline, strength: float, number: int) 
         )
         folder = work.folder / "moved" / f"round-{number}-{k + 1}"
         try:
-            done = explore(with_crushing(base.scene, strength), folder, settings)
+            exploration = explore(with_crushing(base.scene, strength), folder, settings)
         except InputError:  # no layout was found in the time: its own labels move on
             continue
-        others = [labels for labels in best_labels(done, LAYOUTS) if not np.array_equal(labels, base_labels)]
+        others = [labels for labels in best_labels(exploration, LAYOUTS) if not np.array_equal(labels, base_labels)]
         tasks += [
             Task(base.tessellation, base.scene, labels, f"round {number}, row {row}")
             for row, labels in enumerate(others, 1)
@@ -162,14 +164,14 @@ def moved_trial(task: Task, strength: float, seconds: float) -> Trial | str:
     """Move the joints of one layout, and bound its λ by fields."""
     try:
         weak = with_crushing(task.scene, strength)
-        done = move_joints(weak, build_assembly(weak), task.labels, seconds=_MOVING * seconds)
-        scene = with_materials_of(done.scene, task.scene)
+        moved = move_joints(weak, build_assembly(weak), task.labels, seconds=_MOVING * seconds)
+        scene = with_materials_of(moved.scene, task.scene)
         assembly = build_assembly(scene)
         fields = field_bounds(assembly, assembly.labels, (1.0 - _MOVING) * seconds)
     except InputError as error:
         return f"{error.where}: {error.problem}".lstrip(": ")
     result = solve_rigid(assembly)
-    words = f"{task.words}, {done.end}"
+    words = f"{task.words}, {moved.end}"
     return Trial(task.tessellation, "moved", scene, result.load_factor, faces_of(result.bracket), fields, words)
 
 
@@ -247,8 +249,8 @@ def design_outline(
         if existed:
             folder.mkdir()
         reasons = "; ".join(f"{name}: {words}" for name, words in work.search_words.items())
-        wish = "weaker limits, a longer time, or a smaller load"
-        raise InputError(str(file), f"no layout keeps the limits and stands ({reasons})", wish)
+        remedy = "weaker limits, a longer time, or a smaller load"
+        raise InputError(str(file), f"no layout keeps the limits and stands ({reasons})", remedy)
     # a picture takes seconds on a busy machine
     write_design(work, pictures=deadline.remaining() + max(_OVER[0] * options.seconds, _OVER[1]) > busy * _PICTURE)
     return work
@@ -284,16 +286,18 @@ def _cut(work: Design, deadline: Deadline, say: Say) -> None:
     untold: list[str] = []
     seconds = min(_SCREENING * work.options.seconds, _LONGEST_SCREENING)
 
-    def made(one: Tessellation) -> None:
-        work.tessellations.append(one)
-        untold.append(f"{one.name:<12} {one.words if one.scene is not None else one.problem}")
-        if one.scene is None:
+    def made(tessellation: Tessellation) -> None:
+        work.tessellations.append(tessellation)
+        untold.append(
+            f"{tessellation.name:<12} {tessellation.words if tessellation.scene is not None else tessellation.problem}"
+        )
+        if tessellation.scene is None:
             return
         while untold:
             say(untold.pop(0))
-        if work.usual is None and one.name in _USUAL_BONDS:
+        if work.usual is None and tessellation.name in _USUAL_BONDS:
             _solve_usual(work)
-        _screen_tessellation(work, one, one.scene, seconds, deadline)
+        _screen_tessellation(work, tessellation, tessellation.scene, seconds, deadline)
 
     tessellations(work.outline.scene, work.options, deadline.within(_CUTTING * work.options.seconds), made)
     for words in untold:
@@ -326,9 +330,9 @@ def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds 
         fields = field_bounds(assembly, assembly.labels, seconds)
     name, words = tessellation.name, work.search_words[tessellation.name]
     trial = Trial(name, "searched", scene, result.load_factor, faces_of(result.bracket), fields, words)
-    others = [one for one in work.trials if (one.tessellation, one.kind) == (name, "searched")]
+    others = [trial for trial in work.trials if (trial.tessellation, trial.kind) == (name, "searched")]
     if not any(other.order() < trial.order() for other in others):
-        work.trials = [*(one for one in work.trials if one not in others), trial]
+        work.trials = [*(trial for trial in work.trials if trial not in others), trial]
 
 
 def _solve_usual(work: Design) -> None:
@@ -407,33 +411,33 @@ def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
     seconds = ((1.0 - _FIELDS) if planar else _TABLES) * until.remaining()
     settings = ExploreSettings(seconds=seconds, jobs=options.jobs, seed=options.seed, pictures=False, check_fields=0)
     scene = searched_scene(tessellation.scene)
-    done = explore(scene, work.folder / "searches" / tessellation.name, settings)
-    _keep(work, tessellation, done, until.remaining())
+    exploration = explore(scene, work.folder / "searches" / tessellation.name, settings)
+    _keep(work, tessellation, exploration, until.remaining())
 
 
-def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: float) -> None:
+def _keep(work: Design, tessellation: Tessellation, exploration: Exploration, seconds: float) -> None:
     """Add the first stable layout of a search to the trials, with bounds by fields."""
-    facts = done.summary.facts
+    facts = exploration.summary.facts
     number, proven = facts["evaluated"], "proven" if facts["proven"] else "not proven"
     work.search_words[tessellation.name] = f"{number} layout{'s' * (number != 1)}, {proven}"
-    table = done.results[done.results["status"].isin([str(Status.COLLAPSE), str(Status.LOCKED)])]
+    table = exploration.results[exploration.results["status"].isin([str(Status.COLLAPSE), str(Status.LOCKED)])]
     if not len(table):
         work.search_words[tessellation.name] += ": none of them stands"
         return
     labels = from_string(str(table.iloc[0]["labelling"]))
-    work.layouts[tessellation.name] = best_labels(done, LAYOUTS)
+    work.layouts[tessellation.name] = best_labels(exploration, LAYOUTS)
     # the search has faces crush, the scene of the tessellation may not
-    stated = tessellation.scene if tessellation.scene is not None else done.scene
-    scene = labelled(stated, done.assembly, labels)
+    stated = tessellation.scene if tessellation.scene is not None else exploration.scene
+    scene = labelled(stated, exploration.assembly, labels)
     _add(work, tessellation, scene, None if seconds > 0.0 else UNPROVEN, seconds)
 
 
 def _said(trial: Trial) -> str:
     """Describe λ by faces and by fields, for the terminal."""
     low, high = trial.fields
-    known = f"at most {high:.4g}" if math.isinf(low) else f"{low:.4g} to {high:.4g}"
-    known = "it falls under its own weight" if high < 0.0 else known
-    by_fields = "" if trial.fields == UNPROVEN else f", by fields {known}"
+    bracket = f"at most {high:.4g}" if math.isinf(low) else f"{low:.4g} to {high:.4g}"
+    bracket = "it falls under its own weight" if high < 0.0 else bracket
+    by_fields = "" if trial.fields == UNPROVEN else f", by fields {bracket}"
     return f"{trial.by_faces}{by_fields}; {trial.words}"
 
 
@@ -459,9 +463,11 @@ def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
     with Pool(jobs) as pool:
         for wave in range(_WAVES):
             proven = work.winner.proven if work.winner is not None else -math.inf
-            open_ones = [one for one in work.ranked if one.scene.dimension == 2 and one.fields[1] > proven]
+            open_trials = [one for one in work.ranked if one.scene.dimension == 2 and one.fields[1] > proven]
             # the winner, and what may carry most
-            promising = open_ones[:1] + sorted(open_ones[1:], key=lambda one: -one.upper_estimate)[: max(1, jobs) - 1]
+            promising = (
+                open_trials[:1] + sorted(open_trials[1:], key=lambda one: -one.upper_estimate)[: max(1, jobs) - 1]
+            )
             seconds = deadline.remaining() / (_WAVES - wave)
             if seconds < 1.0 or not promising:
                 return

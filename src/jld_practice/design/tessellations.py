@@ -81,8 +81,8 @@ class TriangleStresses:
         """Return the gradients (t, 3, 2) of the linear shape functions, and the areas (t,)."""
         p = self.points[self.triangles]
         opposite = np.roll(p, -2, axis=1) - np.roll(p, -1, axis=1)
-        one, two = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-        twice = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
+        first, second = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+        twice = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
         turned = np.stack([-opposite[..., 1], opposite[..., 0]], axis=-1)
         return turned / twice[:, None, None], 0.5 * twice
 
@@ -153,7 +153,7 @@ def _smooth(field: TriangleStresses, gradient: Floats, area: Floats, length: flo
     mass = np.where(mass > 0.0, mass, 1.0)
     stiffness = _matrix(field.triangles, np.einsum("tid,tjd,t->tij", gradient, gradient, area), count)
     system = (diags(mass) + length**2 * stiffness).tocsc()
-    nodal = [spsolve(system, _lump(field.triangles, one * area, count)) for one in raw.T]
+    nodal = [spsolve(system, _lump(field.triangles, component * area, count)) for component in raw.T]
     return np.asarray(np.column_stack(nodal)[field.triangles].mean(axis=1))
 
 
@@ -218,11 +218,11 @@ def _level_lines(points: Floats, triangles: Ints, values: Floats, size: float) -
     segments, owner = [np.zeros((0, 2, 2))], [np.zeros(0, dtype=np.int64)]
     for level in levels.tolist():
         # a level through a node passes beside it
-        apart = at_corners - level
-        apart = np.where(np.abs(apart) < _GRID * (high - low), _GRID * (high - low), apart)
-        cut = np.flatnonzero((apart.min(axis=1) < 0.0) & (apart.max(axis=1) > 0.0))
+        distance = at_corners - level
+        distance = np.where(np.abs(distance) < _GRID * (high - low), _GRID * (high - low), distance)
+        cut = np.flatnonzero((distance.min(axis=1) < 0.0) & (distance.max(axis=1) > 0.0))
         # the corner that lies alone on its side of the level: the line crosses both of its edges
-        d = apart[cut]
+        d = distance[cut]
         lone = np.where((d > 0.0).sum(axis=1) == 1, (d > 0.0).argmax(axis=1), (d < 0.0).argmax(axis=1))
         row = np.arange(len(cut))
         ends = []
@@ -246,10 +246,10 @@ def _cells(field: TriangleStresses, lines: list[shapely.LineString], size: float
     body = shapely.union_all(shapely.polygons(field.points[field.triangles]))
     extent = float(np.ptp(field.points, axis=0).max())
     outline = shapely.boundary(body)
-    whole = shapely.line_merge(shapely.union_all([outline, *lines], grid_size=_GRID * extent))
+    joined = shapely.line_merge(shapely.union_all([outline, *lines], grid_size=_GRID * extent))
     near, beside = outline.buffer(_ON * extent), outline.buffer(_BESIDE * size)
     chains = []
-    for chain in shapely.get_parts(whole):
+    for chain in shapely.get_parts(joined):
         if near.covers(chain):
             continue
         straight = shapely.simplify(chain, _STRAIGHT * size)
@@ -259,8 +259,8 @@ def _cells(field: TriangleStresses, lines: list[shapely.LineString], size: float
             if piece.length > _ALONG * _BESIDE * size
         ]
         # what is left of such a joint ends in a cell, and is no border of cells
-        rest = shapely.difference(straight, shapely.union_all(along)) if along else straight
-        pieces = [piece for piece in shapely.get_parts(rest) if not piece.is_empty]
+        unjoined = shapely.difference(straight, shapely.union_all(along)) if along else straight
+        pieces = [piece for piece in shapely.get_parts(unjoined) if not piece.is_empty]
         chains += [_extend(piece, near, _PAST * _OUTSIDE * size) for piece in pieces]
     around = shapely.boundary(body.buffer(_OUTSIDE * size, join_style="mitre"))
     noded = shapely.union_all([around, *chains], grid_size=_GRID * extent)
@@ -286,12 +286,12 @@ def _halve(
     direction: (t, 2) of compression in each triangle.
     """
     tree = shapely.STRtree(shapely.polygons(field.points[field.triangles]))
-    done: list[shapely.Polygon] = []
+    finished: list[shapely.Polygon] = []
     waiting = cells[::-1]
     while waiting:
         cell = waiting.pop()
         if cell.area <= largest:
-            done.append(cell)
+            finished.append(cell)
             continue
         along = direction[int(tree.nearest(cell.representative_point()))]
         across = np.array([-along[1], along[0]])
@@ -300,9 +300,14 @@ def _halve(
         middle, far = shapely.get_coordinates(cell.centroid)[0], 2.0 * float(np.ptp(points, axis=0).sum())
         halves = [
             shapely.Polygon(
-                [middle - far * other, middle + far * other, middle + far * (other + way), middle + far * (way - other)]
+                [
+                    middle - far * other,
+                    middle + far * other,
+                    middle + far * (other + side),
+                    middle + far * (side - other),
+                ]
             )
-            for way in (normal, -normal)
+            for side in (normal, -normal)
         ]
         parts = [
             part
@@ -311,7 +316,7 @@ def _halve(
             if part.geom_type == "Polygon"
         ]
         waiting += parts[::-1]
-    return done
+    return finished
 
 
 def uniaxial_strength(scene: Scene) -> float:
@@ -370,7 +375,7 @@ def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> Trian
         weak = assembly.with_strengths(replace(strengths, tension=share * strengths.tension))
         bounds = [_refine_bounds(case, until) for case in weak.by_case]
         # the case with the least lower bound governs
-        lower = [one.lower / factor for one, factor in zip(bounds, assembly.required.tolist(), strict=True)]
+        lower = [bracket.lower / factor for bracket, factor in zip(bounds, assembly.required.tolist(), strict=True)]
         stresses = bounds[int(np.argmin([low if np.isfinite(low) else np.inf for low in lower]))].stresses
         if stresses is not None:
             mesh = stresses.mesh
@@ -578,10 +583,10 @@ def _cell_size(assembly: Assembly, measure: float, dimension: int, options: Desi
             least_mass = 2.0 * mass / _MOST
             kg = " kg" if assembly.units == ("m", "N") else ""
             problem = f"the structure of {mass:.4g}{kg} would be {mass / options.block_mass:.0f} blocks of that mass"
-            wish = f"at least {least_mass:.3g}{kg}, for {_MOST} cells at the most"
+            expected = f"at least {least_mass:.3g}{kg}, for {_MOST} cells at the most"
             if dimension == 2 and options.thickness is None:
-                wish += ", or the `thickness` of the structure (1 where the outline states none)"
-            raise ParameterError("block_mass", problem, wish)
+                expected += ", or the `thickness` of the structure (1 where the outline states none)"
+            raise ParameterError("block_mass", problem, expected)
     return float(each ** (1.0 / dimension))
 
 
@@ -618,8 +623,8 @@ def _bare(scene: Scene) -> Scene:
 
 def _ready(scene: Scene, arcs: list[refinement_voussoirs.Arc], *, blocks: bool = False) -> Scene:
     """Add the key "move" to a planar scene, and to any its limit on mass; without `blocks` remove labels and blocks."""
-    kept = scene if blocks else _bare(scene)
-    document = kept.model_dump(mode="json", exclude_defaults=True)
+    prepared = scene if blocks else _bare(scene)
+    document = prepared.model_dump(mode="json", exclude_defaults=True)
     limit = document.get("search", {}).get("block_mass")
     if scene.dimension == 2 and "move" not in document:
         centres = np.array([arc.centre for arc in arcs]).reshape(-1, 2)

@@ -155,8 +155,8 @@ class Trial:
 
     def order(self) -> tuple[bool, float]:
         """Return a sort key: by lower bound by fields, then those without one by `upper_estimate`."""
-        known = math.isfinite(self.fields[0])
-        return not known, -(self.fields[0] if known else self.upper_estimate)
+        bounded = math.isfinite(self.fields[0])
+        return not bounded, -(self.fields[0] if bounded else self.upper_estimate)
 
 
 @dataclass(frozen=True)
@@ -378,33 +378,33 @@ def _begin_experiment(work: Design, until: Deadline) -> Experiment | Check:
     assembly = built(winner)
     result, names = solve_rigid(assembly), [case.name for case in assembly.cases]
     number = names.index(str(result.governing)) if result.governing in names else 0
-    place = work.folder / "experiment.json"
+    file = work.folder / "experiment.json"
     scene = one_case(winner.scene, number)
-    files.write_text(place, scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
+    files.write_text(file, scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
     title = f"virtual experiment{f' of {names[number]!r}' if names else ''}"
-    again = f"jld experiment {place}"
+    remedy = f"jld experiment {file}"
     if until.remaining() < _LEAST_EXPERIMENT:
-        return Check("experiment", f"{title}: no time was left; {again}")
-    command = [sys.executable, "-m", "jld_explore", "experiment", str(place), "--json"]
+        return Check("experiment", f"{title}: no time was left; {remedy}")
+    command = [sys.executable, "-m", "jld_explore", "experiment", str(file), "--json"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    return Experiment(process, title, again)
+    return Experiment(process, title, remedy)
 
 
 def _end_experiment(experiment: Experiment, until: Deadline) -> Check:
     """Wait for a virtual experiment, and return its result; a failure is reported in the check."""
-    process, told = experiment.process, experiment.title
+    process, title = experiment.process, experiment.title
     try:
         out, errors = process.communicate(timeout=until.remaining())
     except subprocess.TimeoutExpired:
-        return Check("experiment", f"{told}: it did not end in time; {experiment.command}")
+        return Check("experiment", f"{title}: it did not end in time; {experiment.command}")
     if process.returncode not in _TOLD:
-        return Check("experiment", f"{told}: not run, {errors.strip() or 'it was stopped'}")
+        return Check("experiment", f"{title}: not run, {errors.strip() or 'it was stopped'}")
     facts: dict[str, Any] = json.loads(out)
     values = {name: facts.get(name) for name in ("collapse_load", "load_factor", "ratio", "stands", "rate_error")}
     if not facts["stands"]:
-        return Check("experiment", f"{told}: it does not stand under its dead loads alone", values)
+        return Check("experiment", f"{title}: it does not stand under its dead loads alone", values)
     load = facts["collapse_load"]
-    words = f"{told}: it comes down at λ = {load:.4g}" if load is not None else f"{told}: it does not come down"
+    words = f"{title}: it comes down at λ = {load:.4g}" if load is not None else f"{title}: it does not come down"
     return Check("experiment", f"{words}, with brittle cracks and joints that do not dilate", values)
 
 
@@ -424,11 +424,11 @@ def _laid(work: Design, until: Deadline) -> Check:
         names = ", ".join(order.blocks.name(block) for block in order.locked)
         return Check("laying", f"order of laying: none by translations, {names} lock one another", {"possible": False})
     props = max((float(step.stage.props.sum()) for step in order.steps), default=0.0)
-    held = (
+    words = (
         "no stage needs a prop"
         if order.stands
         else f"props of {units.force_in_words(props, assembly.units[1])} at the most"
     )
     values = {"possible": True, "steps": len(order.steps), "props": props}
     first = "" if start == "ground" else f" from the {start}"
-    return Check("laying", f"order of laying{first}: {len(order.steps)} steps, {held}", values)
+    return Check("laying", f"order of laying{first}: {len(order.steps)} steps, {words}", values)

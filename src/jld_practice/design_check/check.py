@@ -65,13 +65,13 @@ def at_design_values(scene: Scene, factors: design.PartialFactors, prestress: fl
     materials = document.get("materials", {})
     parts = [materials, *materials.get("faces", [])]
     values = [part[key] for part in parts for key in ("dry", "inner") if part.get(key)]
-    own = [
+    entries = [
         value.get("criterion", standard.SURFACE)
         for value in values
         if "criterion" in value or standard.SURFACE in value
     ]
-    if own:
-        problem = f'the design check has no partial factors of the criterion "{own[0]}"'
+    if entries:
+        problem = f'the design check has no partial factors of the criterion "{entries[0]}"'
         raise InputError("materials", problem, "standard strengths in place of it")
     for entry in [*values, *document.get("interfaces", [])]:
         for key in standard.STRESS_KEYS:
@@ -108,7 +108,9 @@ def _put_loads(document: dict[str, Any], scene: Scene) -> None:
         for key in path[:-1]:
             owner = owner[key]
         owner[path[-1]] = (
-            [share * one for one in value] if isinstance(value, uncertain.UncertainVector) else share * float(value)
+            [share * component for component in value]
+            if isinstance(value, uncertain.UncertainVector)
+            else share * float(value)
         )
 
 
@@ -166,8 +168,8 @@ def combinations_of(assembly: Assembly, factors: scene_design.PartialFactors) ->
     # that no factor between both ends gives a smaller λ. Stated dead loads of all load cases are one action.
     cases = assembly.cases or (LoadCase("", assembly.dead_loads, assembly.live_loads),)
     weights = bool(np.any(assembly.elements.weight[assembly.elements.free]))
-    stated = any(_stated_dead_load(assembly, case.dead_loads) for case in cases)
-    present = {"self_weight": weights, "dead": stated, "prestressing": bool(np.any(assembly.members.prestress))}
+    has_dead_load = any(_stated_dead_load(assembly, case.dead_loads) for case in cases)
+    present = {"self_weight": weights, "dead": has_dead_load, "prestressing": bool(np.any(assembly.members.prestress))}
     if factors.by_parts:
         effects = _BOTH if present["prestressing"] and len(set(factors.prestressing)) > 1 else _BOTH[:1]
         return [Combination("parts", "parts", effect) for effect in effects]
@@ -182,8 +184,8 @@ def at_design_loads(assembly: Assembly, factors: scene_design.PartialFactors, co
     chosen = combination.factors(factors)
 
     def dead_of(dead: Loads) -> Loads:
-        stated = chosen["dead"] * _stated_dead_load(assembly, dead)
-        return replace(stated, body=stated.body + chosen["self_weight"] * _weights(assembly))
+        dead_load = chosen["dead"] * _stated_dead_load(assembly, dead)
+        return replace(dead_load, body=dead_load.body + chosen["self_weight"] * _weights(assembly))
 
     cases = tuple(
         replace(case, dead_loads=dead_of(case.dead_loads), live_loads=factors.live * case.live_loads)
@@ -205,9 +207,9 @@ def _weights(assembly: Assembly) -> Floats:
 def _stated_dead_load(assembly: Assembly, dead: Loads) -> Loads:
     """Return a dead load without self-weight and its rounding errors."""
     weight = _weights(assembly)
-    rest = dead.body - weight
-    rest[np.abs(rest) <= _ROUNDING * np.abs(weight)] = 0.0
-    return replace(dead, body=rest)
+    body = dead.body - weight
+    body[np.abs(body) <= _ROUNDING * np.abs(weight)] = 0.0
+    return replace(dead, body=body)
 
 
 COARSE: Final = 0.9  # gap of the first bounds of every load case: one mesh
@@ -291,8 +293,8 @@ def worst_parts(
 ) -> WorstParts:
     """Bound λ of one load case over all assignments of factors to parts of permanent loads."""
     search = _Search(structure, labels, factors, combination)
-    few = len(search.names) <= _ALL
-    (low, high, worst), stands = search.all_assignments() if few else search.by_mechanisms()
+    all_tried = len(search.names) <= _ALL
+    (low, high, worst), stands = search.all_assignments() if all_tried else search.by_mechanisms()
     heavier = tuple(name for name, up in zip(search.names, worst > search.middle, strict=True) if up)
     chosen, loaded = replace(combination, heavier=heavier), search.loaded(worst)
     if low == high == -math.inf:
@@ -314,23 +316,23 @@ def parts_of(
     elements, stress = structure.elements, structure.members.self_stress
     weight = np.zeros_like(structure.dead)
     weight[elements.free, : structure.dimension] = elements.weight[elements.free]
-    stated = structure.dead - weight - (0.0 if stress is None else stress)
+    dead_loads = structure.dead - weight - (0.0 if stress is None else stress)
     size = np.abs(structure.dead) + np.abs(weight)
-    stated[np.abs(stated) <= _ROUNDING * np.maximum(size, size.max(axis=1, keepdims=True))] = 0.0
+    dead_loads[np.abs(dead_loads) <= _ROUNDING * np.maximum(size, size.max(axis=1, keepdims=True))] = 0.0
     names: list[str] = []
-    loads, ends, rest = [], [], np.zeros_like(weight) if stress is None else np.array(stress)
-    for what, load, pair in (("", weight, factors.self_weight), ("dead load on ", stated, factors.dead)):
+    loads, ends, unchanged = [], [], np.zeros_like(weight) if stress is None else np.array(stress)
+    for title, load, pair in (("", weight, factors.self_weight), ("dead load on ", dead_loads, factors.dead)):
         if pair[0] == pair[1]:
-            rest += pair[0] * load
+            unchanged += pair[0] * load
             continue
         for element in np.flatnonzero(load.any(axis=1) & ~elements.support).tolist():
             part = np.zeros_like(load)
             part[element] = load[element]
-            names.append(what + elements.ids[element])
+            names.append(title + elements.ids[element])
             loads.append(part)
             ends.append(pair)
     shape = (len(names), *structure.dead.shape)
-    return tuple(names), np.array(loads).reshape(shape), np.array(ends).reshape(-1, 2), rest
+    return tuple(names), np.array(loads).reshape(shape), np.array(ends).reshape(-1, 2), unchanged
 
 
 class _Search:
@@ -362,14 +364,14 @@ class _Search:
     def all_assignments(self) -> tuple[tuple[float, float, Floats], bool | None]:
         """Return least bounds of all assignments with the worst, and whether all stand without live load."""
         grid = np.array(list(itertools.product(*self.ends))).reshape(2 ** len(self.names), -1)
-        found, back = self.bounds().of(grid), self.bounds(-1.0).of(grid)
-        worst = int(np.argmin(np.where(np.isnan(found.high), np.inf, found.high)))
-        falls = np.isneginf(back.high) | np.isneginf(found.high)
-        known = ~np.isneginf(back.low) & ~np.isneginf(found.low)
-        if falls.any() and not np.isneginf(found.high).any():
+        forwards, backwards = self.bounds().of(grid), self.bounds(-1.0).of(grid)
+        worst = int(np.argmin(np.where(np.isnan(forwards.high), np.inf, forwards.high)))
+        falls = np.isneginf(backwards.high) | np.isneginf(forwards.high)
+        bounded = ~np.isneginf(backwards.low) & ~np.isneginf(forwards.low)
+        if falls.any() and not np.isneginf(forwards.high).any():
             worst = int(np.flatnonzero(falls)[0])
-        stands = False if falls.any() else True if known.all() else None
-        return (float(found.low.min()), float(found.high.min()), grid[worst]), stands
+        stands = False if falls.any() else True if bounded.all() else None
+        return (float(forwards.low.min()), float(forwards.high.min()), grid[worst]), stands
 
     def by_mechanisms(self) -> tuple[tuple[float, float, Floats], bool | None]:
         """Return a lower bound of all assignments, the least λ of those met, and its assignment."""
@@ -389,14 +391,14 @@ class _Search:
                 if np.array_equal(following, values):
                     break
                 values = following
-        found = self.bounds().proven(worst[None])
+        bracket = self.bounds().proven(worst[None])
         back = self.bounds(-1.0).proven(worst[None])
         low, stands = self._affine(), None
-        if np.isneginf(found.high[0]) or np.isneginf(back.high[0]):
+        if np.isneginf(bracket.high[0]) or np.isneginf(back.high[0]):
             stands = False
         elif math.isfinite(low) and math.isfinite(self._affine(-1.0)):
             stands = True
-        high = float(found.high[0])
+        high = float(bracket.high[0])
         return (-math.inf if high == -math.inf else min(low, high), high, worst), stands
 
     @one_thread()
@@ -427,8 +429,8 @@ def robust_factor(template: Template, labels: Bits, parts: Floats) -> float:
         answer = spread[:, None] * (equilibrium.T @ splu(system).solve(np.asfortranarray(-parts.T)))
         if not np.isfinite(answer).all() or abs(equilibrium @ answer + parts.T).max() > _SAFE * abs(parts).max():
             break
-        taken = _largest_losses(program, np.asarray(rows @ answer))
-        robust = replace(program, rhs=program.rhs - np.concatenate([np.zeros(equations), taken]))
+        losses = _largest_losses(program, np.asarray(rows @ answer))
+        robust = replace(program, rhs=program.rhs - np.concatenate([np.zeros(equations), losses]))
         point = make_solver("clarabel").solve(robust).point
         slack = robust.rhs - robust.matrix @ point
         # the least slack of inequalities and cones of a point; slack: (rows,)
@@ -450,14 +452,14 @@ def _largest_losses(program: ConicProgram, change: Floats) -> Floats:
     """Return what changes (rows, k) of slacks, each of either sign, take of a row at the most."""
     # of a cone the tip must give what its body may grow by
     linear, sizes = program.structure.linear, program.structure.cones
-    taken = np.zeros(len(change))
-    taken[:linear] = abs(change[:linear]).sum(axis=1)
+    losses = np.zeros(len(change))
+    losses[:linear] = abs(change[:linear]).sum(axis=1)
     first = linear
     for size in sizes:
         tip, body = abs(change[first]), np.linalg.norm(change[first + 1 : first + size], axis=0)
-        taken[first] = float((tip + body).sum())
+        losses[first] = float((tip + body).sum())
         first += size
-    return taken
+    return losses
 
 
 LISTED: Final = 8  # joints and blocks that a check lists, those nearest to their limit
@@ -553,8 +555,8 @@ class DesignCheck:
     @property
     def verified(self) -> bool | None:
         """True if all cases are verified by both crack models, False if one is refuted, else None."""
-        found = [one.verified for one in (*self.cases, *self.anywhere)]
-        return False if False in found else None if None in found else True
+        verdicts = [case.verified for case in (*self.cases, *self.anywhere)]
+        return False if False in verdicts else None if None in verdicts else True
 
 
 def design_check(
@@ -569,14 +571,14 @@ def design_check(
     # Where blocks may crack, the check by the faces or cells that are drawn is repeated by fields, and both must
     # verify.
     assembly = build_assembly(scene)
-    own = assembly.labels if labels is None else labels
-    require_materials(assembly, own, ~own)
+    layout_labels = assembly.labels if labels is None else labels
+    require_materials(assembly, layout_labels, ~layout_labels)
     if factors.by_parts and isinstance(scene.cracks, cracks.FieldCracks):
         problem = "EN 1990, 6.4.3.1(4) factors parts of the weight one by one, which fields do not"
         raise InputError("cracks", problem, '"faces" or {"kind": "cells"}')
     assembly.strengths(ROUTE)  # refuses criteria, whose parameters have no partial factors
     combinations = combinations_of(assembly, factors)
-    structures = _structures(scene, own, factors, combinations)
+    structures = _structures(scene, layout_labels, factors, combinations)
     tried: list[list[CaseCheck]] = []
     solutions: list[Solution] = []
     for combination, (structure, cells) in zip(combinations, structures, strict=True):
@@ -593,16 +595,17 @@ def design_check(
     cells = structures[chosen][1]
     solved = solve_rigid(first.structure, cells) if factors.by_parts else _of_case(solutions[chosen], first)
     checked = DesignCheck(scene, assembly, cells, factors, cases, by_case, solved, (), None)
-    checked = _with_cracks_anywhere(checked, own, combinations, seconds)
+    checked = _with_cracks_anywhere(checked, layout_labels, combinations, seconds)
     if not states or isinstance(scene.cracks, cracks.FieldCracks) or checked.verified is not True:
         return checked
     at_required = first.structure.dead_loads + first.required * first.structure.live_loads
     loaded = replace(first.structure, dead_loads=at_required)
     ranges = tuple(
         ResultantRange(
-            one, *(extreme_value(loaded, one.function, cells, greatest=greatest) for greatest in (False, True))
+            resultant,
+            *(extreme_value(loaded, resultant.function, cells, greatest=greatest) for greatest in (False, True)),
         )
-        for one in reactions_of_supports(loaded)
+        for resultant in reactions_of_supports(loaded)
     )
     return replace(checked, reactions=ranges, reserve=least_share(loaded, cells))
 
@@ -626,8 +629,10 @@ def _structures(
             if isinstance(scene.cracks, cracks.CellCracks):
                 cells = crack_cells(design, built, scene.cracks.cell)
                 found[prestress] = cells.fine, cells.labels(labels)
-        structure, own = found[prestress]
-        structures.append((structure if factors.by_parts else at_design_loads(structure, factors, combination), own))
+        structure, labels_built = found[prestress]
+        structures.append(
+            (structure if factors.by_parts else at_design_loads(structure, factors, combination), labels_built)
+        )
     return structures
 
 
@@ -642,19 +647,19 @@ def _cases(
     structure: Assembly, labels: Bits, combination: Combination, solution: Solution, seconds: float
 ) -> list[CaseCheck]:
     names = [case.name for case in structure.cases] or [""]
-    places = [case.place for case in structure.cases] or [None]
+    positions = [case.place for case in structure.cases] or [None]
     checks = []
-    for k, (name, alone, required) in enumerate(zip(names, structure.by_case, structure.required, strict=True)):
+    for k, (name, single, required) in enumerate(zip(names, structure.by_case, structure.required, strict=True)):
         if isinstance(solution, models_by_fields.FieldResult):
             by_fields = list(solution.cases.values())[k]
             bounds = models_by_fields.case_bounds_of(by_fields)
             stands = models_by_fields.stands_by(
-                by_fields, models_by_fields.least_by_fields(alone, labels, by_fields, seconds)
+                by_fields, models_by_fields.least_by_fields(single, labels, by_fields, seconds)
             )
         else:
-            one = solution.cases[name] if solution.cases else solution
-            bounds, stands = CaseBounds(one.status, *one.bracket, one.load_factor), one.stands_at_zero
-        checks.append(CaseCheck(name, float(required), combination, alone, bounds, stands, places[k]))
+            result = solution.cases[name] if solution.cases else solution
+            bounds, stands = CaseBounds(result.status, *result.bracket, result.load_factor), result.stands_at_zero
+        checks.append(CaseCheck(name, float(required), combination, single, bounds, stands, positions[k]))
     return checks
 
 
@@ -668,13 +673,13 @@ def _with_cracks_anywhere(
     reason = "equilibrium" if factors.by_parts else why_not_anywhere(scene, check.assembly)
     if reason:
         return replace(check, not_anywhere=reason)
-    drawn = scene.model_copy(update={"cracks": "faces"})
-    structures = _structures(drawn, labels, factors, combinations)
+    uncracked = scene.model_copy(update={"cracks": "faces"})
+    structures = _structures(uncracked, labels, factors, combinations)
     loaded: list[Loaded] = []
     for combination, (structure, own_labels) in zip(combinations, structures, strict=True):
         for position, (case, required) in enumerate(zip(structure.by_case, structure.required, strict=True)):
-            alone = case.with_strengths(case.strengths(ROUTE))
-            loaded.append(Loaded(position, alone, own_labels, float(required), combination))
+            single = case.with_strengths(case.strengths(ROUTE))
+            loaded.append(Loaded(position, single, own_labels, float(required), combination))
     refuted = check.as_drawn
     if refuted.verified is False:  # how much less the blocks carry is of interest for the governing load alone
         name, combination = refuted.name, refuted.combination
@@ -682,19 +687,19 @@ def _with_cracks_anywhere(
 
     nothing = CaseBounds(Status.UNCERTIFIED, math.nan, math.nan, math.nan)
     checks: list[CaseCheck] = []
-    for one in loaded:
-        drawn_check = check.cases[one.number]
+    for loading in loaded:
+        drawn_check = check.cases[loading.number]
         start = CaseCheck(
-            drawn_check.name, one.required, one.combination, one.structure, nothing, None, drawn_check.place
+            drawn_check.name, loading.required, loading.combination, loading.structure, nothing, None, drawn_check.place
         )
         checks.append(start)
 
     def assess(k: int, gap: float, patience: float) -> bool | None:
         """Bound one case by fields and keep its check."""
-        one, before = loaded[k], checks[k]
-        result = solve_by_fields(one.structure, one.labels, gap=gap, seconds=patience)
-        (found,) = _cases(one.structure, one.labels, one.combination, result, patience)
-        checks[k] = replace(before, bounds=found.bounds, stands=found.stands)
+        loading, before = loaded[k], checks[k]
+        result = solve_by_fields(loading.structure, loading.labels, gap=gap, seconds=patience)
+        (checked,) = _cases(loading.structure, loading.labels, loading.combination, result, patience)
+        checks[k] = replace(before, bounds=checked.bounds, stands=checked.stands)
         return checks[k].verified
 
     def least(k: int) -> float:
@@ -703,9 +708,9 @@ def _with_cracks_anywhere(
         return high / checks[k].required if math.isfinite(high) else -1.0
 
     assess_all(len(loaded), seconds, assess, least)
-    by_case: dict[int, list[CaseCheck]] = {one.number: [] for one in loaded}
-    for one, done in zip(loaded, checks, strict=True):
-        by_case[one.number].append(done)
+    by_case: dict[int, list[CaseCheck]] = {loading.number: [] for loading in loaded}
+    for loading, checks_of in zip(loaded, checks, strict=True):
+        by_case[loading.number].append(checks_of)
     return replace(check, anywhere=tuple(_worst(tuple(group)) for group in by_case.values()))
 
 
@@ -714,11 +719,13 @@ def _cases_by_parts(
 ) -> list[CaseCheck]:
     """Return the check of every load case under its worst factors of the parts of permanent loads."""
     names = [case.name for case in structure.cases] or [""]
-    places = [case.place for case in structure.cases] or [None]
+    positions = [case.place for case in structure.cases] or [None]
     checks = []
-    for name, alone, required, place in zip(names, structure.by_case, structure.required, places, strict=True):
-        one = worst_parts(alone, labels, factors, combination)
-        checks.append(CaseCheck(name, float(required), one.combination, one.structure, one.bounds, one.stands, place))
+    for name, single, required, position in zip(names, structure.by_case, structure.required, positions, strict=True):
+        worst = worst_parts(single, labels, factors, combination)
+        checks.append(
+            CaseCheck(name, float(required), worst.combination, worst.structure, worst.bounds, worst.stands, position)
+        )
     return checks
 
 

@@ -284,7 +284,9 @@ def content_of(check: DesignCheck, language: str = "en") -> Content:
     if check.reactions:
         tables.append(_reactions(check, words))
     if check.reserve is not None:
-        tables += [one for one in (_joints(check, words), _blocks(check, words), _members(check, words)) if one.rows]
+        tables += [
+            table for table in (_joints(check, words), _blocks(check, words), _members(check, words)) if table.rows
+        ]
     return Content(
         f"{words['title']}: {check.scene.name}", _result(check, words), tables, notes_of(check, words), words
     )
@@ -309,15 +311,15 @@ def _by_model(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
     """Return the sentence that sets λ by the faces drawn beside λ wherever blocks crack."""
     if kind_of(check) == "fields":
         return [words["by_anywhere"].format(value=_values(check.as_drawn, words))]
-    found = [words[f"by_{kind_of(check)}"].format(value=_values(check.as_drawn, words))]
+    sentences = [words[f"by_{kind_of(check)}"].format(value=_values(check.as_drawn, words))]
     anywhere = check.if_anywhere
     if anywhere is not None:
         more = "" if anywhere is not check.governing else f" {words['governs']}"
-        found.append(words["by_anywhere"].format(value=_values(anywhere, words)) + more)
+        sentences.append(words["by_anywhere"].format(value=_values(anywhere, words)) + more)
     else:
         reason = {"rigid": words["rigid"], "equilibrium": words["equilibrium"]}.get(check.not_anywhere)
-        found.append(reason or words["not_anywhere"].format(reason=check.not_anywhere))
-    return [" ".join(found)]
+        sentences.append(reason or words["not_anywhere"].format(reason=check.not_anywhere))
+    return [" ".join(sentences)]
 
 
 def kind_of(check: DesignCheck) -> str:
@@ -325,29 +327,31 @@ def kind_of(check: DesignCheck) -> str:
     return check.scene.cracks if isinstance(check.scene.cracks, str) else check.scene.cracks.kind
 
 
-def _values(one: CaseCheck, words: Mapping[str, str]) -> str:
+def _values(case: CaseCheck, words: Mapping[str, str]) -> str:
     """Return λ and utilisation of a case in words: one number each where proven closely, else both bounds."""
-    low, high = one.range
-    if one.bounds.status is Status.LOCKED:
+    low, high = case.range
+    if case.bounds.status is Status.LOCKED:
         return words["any_load"]
-    if one.stands is False or one.bounds.status is Status.UNSTABLE:
+    if case.stands is False or case.bounds.status is Status.UNSTABLE:
         return words["falls"]
     if high - low <= 1e-3 * high < math.inf:
-        return f"λ = {_shown(one.bounds.load_factor)}, {words['use']} = {_shown(one.utilisation)}"
-    ends = (_shown(end) if math.isfinite(end) else "?" for end in (one.bounds.low, one.bounds.high))
+        return f"λ = {_shown(case.bounds.load_factor)}, {words['use']} = {_shown(case.utilisation)}"
+    ends = (_shown(end) if math.isfinite(end) else "?" for end in (case.bounds.low, case.bounds.high))
     load = words["between"].format(low=next(ends), high=next(ends))
     use = words["between"].format(low=_shown(low), high=_shown(high))
     return f"λ {load}, {words['use']} {use}"
 
 
-def _combination(check: DesignCheck, one: CaseCheck, words: Mapping[str, str]) -> str:
+def _combination(check: DesignCheck, case: CaseCheck, words: Mapping[str, str]) -> str:
     """Describe the factors of permanent loads that differ or act alone."""
-    chosen = one.combination.factors(check.factors)
+    chosen = case.combination.factors(check.factors)
     if check.factors.by_parts:
-        (low, high), heavier = check.factors.self_weight, one.combination.heavier
+        (low, high), heavier = check.factors.self_weight, case.combination.heavier
         names = textwrap.shorten(", ".join(heavier), 60, placeholder=" …") or "–"
-        told = words["of_parts"].format(low=f"{low:g}", high=f"{high:g}", names=names)
-        return told + (f", {words['prestress']} γP = {chosen['prestressing']:g}" if check.assembly.members else "")
+        parts_text = words["of_parts"].format(low=f"{low:g}", high=f"{high:g}", names=names)
+        return parts_text + (
+            f", {words['prestress']} γP = {chosen['prestressing']:g}" if check.assembly.members else ""
+        )
     varied = {
         name for other in check.tried[0] for name, value in vars(other.combination).items() if value != "unfavourable"
     }
@@ -364,11 +368,11 @@ def _combination(check: DesignCheck, one: CaseCheck, words: Mapping[str, str]) -
 
 def _factors(check: DesignCheck, words: Mapping[str, str]) -> Table:
     rows = []
-    for one in fields(check.factors)[1:-1]:
-        value = getattr(check.factors, one.name)
+    for factor in fields(check.factors)[1:-1]:
+        value = getattr(check.factors, factor.name)
         text = f"{value[0]:g} / {value[1]:g}" if isinstance(value, tuple) else f"{value:g}"
-        source = check.factors.clauses[one.name]
-        rows.append([words[one.name], text, words.get(source, source)])
+        source = check.factors.clauses[factor.name]
+        rows.append([words[factor.name], text, words.get(source, source)])
     title = words["factors"].format(name=check.factors.name)
     return Table(title, [words["factor"], words["value"], words["source"]], rows, [0.27, 0.25, 0.48])
 
@@ -382,17 +386,17 @@ def _materials(check: DesignCheck, words: Mapping[str, str]) -> Table:
         both = [getattr(scene.materials, key) for scene in scenes]
         if both[0] is None:
             continue
-        if any(materials.friction(one) for one in both):
-            parts.append((key, "tan_phi", [materials.friction(one) or 0.0 for one in both]))
+        if any(materials.friction(label) for label in both):
+            parts.append((key, "tan_phi", [materials.friction(label) or 0.0 for label in both]))
         for name in standard.STRESS_KEYS:
-            values = [getattr(one, name, None) for one in both]
+            values = [getattr(label, name, None) for label in both]
             if values[0]:
                 parts.append((key, name, [float(value or 0.0) for value in values]))
     cells = [f"{words[key]}: {words[name]} {first:.4g} / {second:.4g}" for key, name, (first, second) in parts]
     rows = [[*cells[k : k + 2], ""][:2] for k in range(0, len(cells), 2)]
     facts = weight_facts(check.scene, check.assembly)
-    told = [f"{words[f'whole_{name}']}: {facts[name]}" for name in ("thickness", "density", "weight") if name in facts]
-    rows += [[*told[k : k + 2], ""][:2] for k in range(0, len(told), 2)]
+    lines = [f"{words[f'whole_{name}']}: {facts[name]}" for name in ("thickness", "density", "weight") if name in facts]
+    rows += [[*lines[k : k + 2], ""][:2] for k in range(0, len(lines), 2)]
     length, force = check.assembly.units
     return Table(words["materials"].format(force=force, length=length), ["", ""], rows, [0.5, 0.5])
 
@@ -402,17 +406,17 @@ def _cases(check: DesignCheck, words: Mapping[str, str]) -> Table:
     verdicts = {True: words["yes"], False: words["no"], None: words["open"]}
     every = (*check.cases, *check.anywhere)
     order = sorted(range(len(every)), key=lambda k: (-every[k].range[1], k))
-    kept = sorted(order[:LISTED])
+    listed = sorted(order[:LISTED])
     rows = []
-    for k in kept:
-        one = every[k]
-        load = "∞" if str(one.bounds.status) == "locked" else _shown(one.bounds.load_factor)
-        name = textwrap.shorten(one.name or words["only"], 30, placeholder=" …")
+    for k in listed:
+        case = every[k]
+        load = "∞" if str(case.bounds.status) == "locked" else _shown(case.bounds.load_factor)
+        name = textwrap.shorten(case.name or words["only"], 30, placeholder=" …")
         name += f", {words['fields']}" if k >= len(check.cases) else ""
-        combination = _combination(check, one, words)
-        rows.append([name, f"{one.required:g}", combination, load, _shown(one.utilisation), verdicts[one.verified]])
+        combination = _combination(check, case, words)
+        rows.append([name, f"{case.required:g}", combination, load, _shown(case.utilisation), verdicts[case.verified]])
     head = [words["case"], words["required"], words["combination"], "λ", words["use"], words["verdict"]]
-    return Table(words["cases"], head, rows, [0.22, 0.09, 0.36, 0.09, 0.11, 0.13], len(order) - len(kept))
+    return Table(words["cases"], head, rows, [0.22, 0.09, 0.36, 0.09, 0.11, 0.13], len(order) - len(listed))
 
 
 def _reactions(check: DesignCheck, words: Mapping[str, str]) -> Table:
@@ -434,18 +438,18 @@ def _reactions(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 def _joints(check: DesignCheck, words: Mapping[str, str]) -> Table:
     length, force = check.assembly.units
-    found = joints_of(check)
+    joints = joints_of(check)
     share = "–" if check.reserve is None else f"{100.0 * check.reserve.bracket[1]:.1f} %"
     rows = [
         [
-            "–".join(one["elements"]),
-            f"{one['N']:.4g}",
-            "–" if one["eccentricity"] is None else f"{one['eccentricity']:.4g}",
-            _percent(one["bending_share"]),
-            _percent(one["slip_reserve"]),
-            _percent(one["share"]),
+            "–".join(joint["elements"]),
+            f"{joint['N']:.4g}",
+            "–" if joint["eccentricity"] is None else f"{joint['eccentricity']:.4g}",
+            _percent(joint["bending_share"]),
+            _percent(joint["slip_reserve"]),
+            _percent(joint["share"]),
         ]
-        for one in found[:LISTED]
+        for joint in joints[:LISTED]
     ]
     head = [
         words["joint"],
@@ -456,21 +460,21 @@ def _joints(check: DesignCheck, words: Mapping[str, str]) -> Table:
         words["share"],
     ]
     widths = [0.28, 0.14, 0.18, 0.14, 0.14, 0.12]
-    return Table(words["joints"].format(share=share), head, rows, widths, max(0, len(found) - LISTED))
+    return Table(words["joints"].format(share=share), head, rows, widths, max(0, len(joints) - LISTED))
 
 
 def _blocks(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    found = blocks_near_cracking(check)
-    rows = [[one["block"], "–".join(one["face"]), _percent(one["share"])] for one in found[:LISTED]]
+    blocks = blocks_near_cracking(check)
+    rows = [[block["block"], "–".join(block["face"]), _percent(block["share"])] for block in blocks[:LISTED]]
     head = [words["block"], words["face"], words["share"]]
-    return Table(words["blocks"], head, rows, [0.3, 0.5, 0.2], max(0, len(found) - LISTED))
+    return Table(words["blocks"], head, rows, [0.3, 0.5, 0.2], max(0, len(blocks) - LISTED))
 
 
 def _members(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    found = members_of(check)
-    rows = [[one["name"], f"{one['force']:.4g}", _percent(one["share"])] for one in found[:LISTED]]
+    members = members_of(check)
+    rows = [[member["name"], f"{member['force']:.4g}", _percent(member["share"])] for member in members[:LISTED]]
     head = [words["member"], f"{words['force']} [{check.assembly.units[1]}]", words["share"]]
-    return Table(words["bars"], head, rows, [0.5, 0.25, 0.25], max(0, len(found) - LISTED))
+    return Table(words["bars"], head, rows, [0.5, 0.25, 0.25], max(0, len(members) - LISTED))
 
 
 def notes_of(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
@@ -478,25 +482,26 @@ def notes_of(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
     kind = kind_of(check)
     parts = words["each_part" if check.factors.by_parts else "parts"]
     cracks = words[kind] + (f" {words['and']} {words['fields']}" if check.anywhere else "")
-    found = [words["model"].format(cracks=cracks), words["psi"], parts, words["nothing_else"]]
+    notes = [words["model"].format(cracks=cracks), words["psi"], parts, words["nothing_else"]]
     design = check.scene.design
     if check.factors.name == "EN 1996-1-1" and check.factors.clauses["strength"].startswith("EN"):
-        stated = design is not None and design.model_fields_set & {"units", "mortar", "execution"}
-        told = words["largest"]
-        if design is not None and stated:
-            told = words["masonry"].format(units=design.units, mortar=words[design.mortar], execution=design.execution)
-        found.insert(0, told)
+        has_design = design is not None and design.model_fields_set & {"units", "mortar", "execution"}
+        largest = words["largest"]
+        if design is not None and has_design:
+            masonry = {"units": design.units, "mortar": words[design.mortar], "execution": design.execution}
+            largest = words["masonry"].format(**masonry)
+        notes.insert(0, largest)
     if any(True for _ in uncertain.uncertain_values(check.scene)):
-        found.append(words["uncertain"])
+        notes.append(words["uncertain"])
     if check.scene.materials.faces or check.scene.interfaces:
-        found.append(words["of_faces"])
+        notes.append(words["of_faces"])
     if check.scene.members:
-        found.append(words["with_members"])
+        notes.append(words["with_members"])
     if kind == "fields":
-        found.append(words["by_fields"])
+        notes.append(words["by_fields"])
     elif check.reserve is None:
-        found.append(words["no_state"])
-    return found
+        notes.append(words["no_state"])
+    return notes
 
 
 def joints_of(check: DesignCheck) -> list[dict[str, Any]]:
@@ -538,13 +543,13 @@ def blocks_near_cracking(check: DesignCheck) -> list[dict[str, Any]]:
         owner = int(block[joints.a[face]])
         if owner not in worst or reserve.share[face] > reserve.share[worst[owner]] + 1e-6:
             worst[owner] = face
-    found = []
+    blocks = []
     for owner, face in sorted(worst.items(), key=lambda pair: (-round(float(reserve.share[pair[1]]), 6), pair[0])):
-        held = np.flatnonzero(block == owner)
-        name = structure.elements.blocks[held[0]] or ids[held[0]]
+        elements = np.flatnonzero(block == owner)
+        name = structure.elements.blocks[elements[0]] or ids[elements[0]]
         pair = [ids[joints.a[face]], ids[joints.b[face]]]
-        found.append({"block": name, "face": pair, "share": float(reserve.share[face])})
-    return found
+        blocks.append({"block": name, "face": pair, "share": float(reserve.share[face])})
+    return blocks
 
 
 def members_of(check: DesignCheck) -> list[dict[str, Any]]:
@@ -555,8 +560,8 @@ def members_of(check: DesignCheck) -> list[dict[str, Any]]:
     force = effects(structure, reserve.forces)
     share = [0.0 if face < 0 else float(reserve.share[face]) for face in structure.members.face.tolist()]
     return [
-        {"name": name, "force": float(one), "share": used}
-        for name, one, used in zip(structure.members.names, force, share, strict=True)
+        {"name": name, "force": float(axial), "share": used}
+        for name, axial, used in zip(structure.members.names, force, share, strict=True)
     ]
 
 
@@ -576,8 +581,8 @@ def to_json(check: DesignCheck) -> dict[str, Any]:
         "anywhere": None if check.if_anywhere is None else check.if_anywhere.to_json(),
         "not_anywhere": check.not_anywhere or None,
         "cases": [
-            {"case": one.name or None, **one.to_json(), "combinations": [other.to_json() for other in tried]}
-            for one, tried in zip(check.cases, check.tried, strict=True)
+            {"case": case.name or None, **case.to_json(), "combinations": [other.to_json() for other in tried]}
+            for case, tried in zip(check.cases, check.tried, strict=True)
         ],
         "reactions": [reaction.to_json() for reaction in check.reactions],
         "share_of_capacity": None if check.reserve is None else list(check.reserve.bracket),
@@ -746,15 +751,15 @@ def _table(figure: Figure, top: float, table: Table, content: Content, size: flo
     width = 1.0 - 2.0 * _MARGIN
     left = _MARGIN + width * np.concatenate([[0.0], np.cumsum(table.widths)[:-1]])
     head = [table.head] if any(table.head) else []
-    for place, row in enumerate([*head, *table.rows], 1 - len(head)):
+    for line, row in enumerate([*head, *table.rows], 1 - len(head)):
         for x, share, cell in zip(left, table.widths, row, strict=True):
             letters = int(_PAPER[0] * 72.0 * width * share / (0.56 * size))
-            told = cell if len(cell) <= letters else cell[: max(1, letters - 1)] + "…"
-            figure.text(float(x), top - _drop(size), told, fontsize=size, color=look.SOFT if place == 0 else look.INK)
+            more = cell if len(cell) <= letters else cell[: max(1, letters - 1)] + "…"
+            figure.text(float(x), top - _drop(size), more, fontsize=size, color=look.SOFT if line == 0 else look.INK)
         top -= _line(size)
     if table.more:
-        told = content.words["more"].format(count=table.more)
-        figure.text(_MARGIN, top - _drop(size), told, fontsize=size, color=look.SOFT)
+        more = content.words["more"].format(count=table.more)
+        figure.text(_MARGIN, top - _drop(size), more, fontsize=size, color=look.SOFT)
         top -= _line(size)
     return top - 0.6 * _line(size)
 

@@ -73,30 +73,37 @@ def assembly(
     if seconds is not None and not seconds > 0.0:
         raise ParameterError("seconds", f"{seconds:g} s are no time", "a number above 0")
     deadline = Deadline(seconds, context.obj)
-    scene, found, labels, model = layout.layout_of(source, rank)
+    scene, structure, labels, model = layout.layout_of(source, rank)
     begun = start or start_of_design(source)
     sideways = scene.search.assemble_out_of_plane
     with error_context(source):
         layout.require_whole_faces(model, "an order of laying")
-        found, labels = rigid(found, labels, "an order of laying")
-        stations = None if props is None else stations_below(found, props)
-        bodies, parts = Bodies(found, sideways), Parts(found, stations)
+        structure, labels = rigid(structure, labels, "an order of laying")
+        stations = None if props is None else stations_below(structure, props)
+        bodies, parts = Bodies(structure, sideways), Parts(structure, stations)
         quick: Laying | None = None
         try:
             with deadline.enforced():
                 if seconds is not None:  # kept for the case that solving the stages takes longer
                     quick = order_without_stages(
-                        found, labels, sideways=sideways, group=group, start=begun, bodies=bodies
+                        structure, labels, sideways=sideways, group=group, start=begun, bodies=bodies
                     )
             with deadline.earlier(0.0 if quick is None else _WRITING * deadline.remaining()).enforced():
                 laying = assembly_order(
-                    found, labels, wish=wish, sideways=sideways, group=group, start=begun, bodies=bodies, parts=parts
+                    structure,
+                    labels,
+                    wish=wish,
+                    sideways=sideways,
+                    group=group,
+                    start=begun,
+                    bodies=bodies,
+                    parts=parts,
                 )
         except DeadlinePassed:
             if quick is None:
                 raise ParameterError("seconds", f"no order was found in {seconds:g} s", "a longer time") from None
             laying = quick
-    table = table_of(laying, Layout(scene, found, labels).block_of + 1, stations)
+    table = table_of(laying, Layout(scene, structure, labels).block_of + 1, stations)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         files.write_text(out / "assembly.csv", csv_of(table))
@@ -148,14 +155,14 @@ def _words_along(laying: Laying, stations: Stations) -> str:
     """Describe props along a line: number, largest force, stages that they do not hold."""
     length, force = laying.blocks.assembly.units
     forces = np.array([step.stage.along for step in laying.steps])
-    step, place = (int(k) for k in np.unravel_index(int(forces.argmax()), forces.shape))
-    where = ", ".join(f"{x:.4g}" for x in stations.points[place])
+    step, position = (int(k) for k in np.unravel_index(int(forces.argmax()), forces.shape))
+    where = ", ".join(f"{x:.4g}" for x in stations.points[position])
     count, loaded = len(stations.points), int((forces > 0.0).any(axis=0).sum())
     text = f"props along  {count} place{'s' * (count != 1)}, {loaded} of them loaded"
-    if forces[step, place] > 0.0:
-        largest = units.force_in_words(forces[step, place], force)
+    if forces[step, position] > 0.0:
+        largest = units.force_in_words(forces[step, position], force)
         text += f"; the largest force is {largest} at ({where}) {length}, step {step + 1}"
-    beside = [k for k, one in enumerate(laying.steps, 1) if one.stage.elsewhere > 1e-5 * one.stage.weight]
+    beside = [k for k, step in enumerate(laying.steps, 1) if step.stage.elsewhere > 1e-5 * step.stage.weight]
     if beside:
         most = units.force_in_words(max(laying.steps[k - 1].stage.elsewhere for k in beside), force)
         text += f"\nprops beside {most} at most, first in step {beside[0]}: the places alone do not hold it"
@@ -202,22 +209,22 @@ def words_of(laying: Laying) -> str:
     """Describe an order of laying, or why there is none, in one line for the terminal."""
     blocks = laying.blocks
     if laying.locked:
-        named = ", ".join(blocks.name(block) for block in laying.locked)
+        names = ", ".join(blocks.name(block) for block in laying.locked)
         how = "lock one another" if len(laying.locked) > 1 else "is locked between supports"
-        return f"order        none: {named} {how} (blocks named by their first elements)"
+        return f"order        none: {names} {how} (blocks named by their first elements)"
     if laying.searched:
         none = "none found" if laying.undecided else "none"
         return f"order        {none} whose every stage stands; the one below takes props\n{_first_fall(laying)}"
     free = int(np.count_nonzero(~blocks.fixed))
     steps = len(laying.steps)
-    many = f"{free} block{'s' * (free != 1)} in {steps} step{'s' * (steps != 1)}"
+    counts = f"{free} block{'s' * (free != 1)} in {steps} step{'s' * (steps != 1)}"
     if _unsolved(laying):
-        return f"order        {many}, props not known and not minimal: no time was left to solve its stages"
+        return f"order        {counts}, props not known and not minimal: no time was left to solve its stages"
     if laying.stands:
-        return f"order        {many}, every stage stands without props"
+        return f"order        {counts}, every stage stands without props"
     worst = max(step.stage.props.sum() for step in laying.steps)
     force = blocks.assembly.units[1]
-    text = f"order        {many}, props of {units.force_in_words(worst, force)} at most\n{_first_fall(laying)}"
+    text = f"order        {counts}, props of {units.force_in_words(worst, force)} at most\n{_first_fall(laying)}"
     return "\n".join([text, *_centring(laying)])
 
 

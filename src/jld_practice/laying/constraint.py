@@ -68,9 +68,9 @@ def built_up(freedom: Freedom, standing: Standing) -> Built:
             settled &= stands is not None
             if not stands or freedom.way_out(move[0][0], more) is None:
                 continue
-            found = search(more)
-            if found is not False:
-                return found
+            extended = search(more)
+            if extended is not False:
+                return extended
         failed.add(key)
         return False
 
@@ -170,8 +170,8 @@ class SequenceConstraint:
         """Return the conflict that refuses labels (m,); None where they can be laid."""
         key = np.packbits(labels).tobytes()
         if key not in self._known:
-            known = next((one for one in self.locks if np.array_equal(labels[one.faces], one.labels)), None)
-            self._known[key] = known or self._found(labels)
+            matching = next((lock for lock in self.locks if np.array_equal(labels[lock.faces], lock.labels)), None)
+            self._known[key] = matching or self._found(labels)
         return self._known[key]
 
     def possible(self, labellings: Bits) -> Bools:
@@ -191,12 +191,12 @@ class SequenceConstraint:
         """Return the conflict of labels (m,) without an order whose every stage stands, or None."""
         # it has all faces if the whole structure does not stand or blocks may be laid in groups
         every, elements = np.arange(len(labels)), self.assembly.elements
-        whole = Lock(every, labels, elements.free)
+        lock = Lock(every, labels, elements.free)
         blocks = blocks_of_labelling(self.assembly, labels)
         freedom, standing = Freedom(blocks, bodies=self.bodies), Standing(blocks, labels, self._parts)
         stands = standing.stage(np.ones(len(blocks), dtype=bool)).stands
         if not stands:
-            return replace(whole, proven=stands is False)
+            return replace(lock, proven=stands is False)
         heavy = bool(np.linalg.norm(elements.weight[elements.free], axis=1).min() > 0.0)
         if heavy and not np.any(emptied(freedom, np.ones(len(blocks), dtype=bool), 1) & ~blocks.fixed):
             built = built_up(freedom, standing)
@@ -209,14 +209,14 @@ class SequenceConstraint:
         )
         if laying.possible and laying.stands:
             return None
-        return replace(whole, proven=not laying.undecided and laying.stands is not None)
+        return replace(lock, proven=not laying.undecided and laying.stands is not None)
 
-    def _visited_conflict(self, seen: Bools, labels: Bits) -> Lock:
-        """Return the conflict of all faces of the elements `seen` (n,) by a search without success."""
+    def _visited_conflict(self, visited: Bools, labels: Bits) -> Lock:
+        """Return the conflict of all faces of the elements `visited` (n,) by a search without success."""
         faces, free = self.assembly.interfaces, ~self.assembly.elements.support
-        seen = seen & free
-        about = np.flatnonzero(seen[faces.a] | seen[faces.b])
-        lock = Lock(about, labels[about], np.flatnonzero(seen))
+        visited = visited & free
+        about = np.flatnonzero(visited[faces.a] | visited[faces.b])
+        lock = Lock(about, labels[about], np.flatnonzero(visited))
         if len(about) < len(labels):
             self.locks.append(lock)
         return lock
@@ -229,8 +229,8 @@ class SequenceConstraint:
         # there by inner faces.
         elements, faces, count = self.assembly.elements, self.assembly.interfaces, len(self.assembly.elements)
         # represent all supports by one node
-        place = np.where(elements.support, elements.support.argmax(), np.arange(count))
-        a, b = place[faces.a], place[faces.b]
+        node = np.where(elements.support, elements.support.argmax(), np.arange(count))
+        a, b = node[faces.a], node[faces.b]
         block = connected_components(_graph(a[~labels], b[~labels], count), directed=False)[1]
         among = np.isin(np.arange(count), members)
         start = int(elements.support.argmax())
@@ -251,11 +251,11 @@ class SequenceConstraint:
         around = [np.flatnonzero((block[a] == name) != (block[b] == name)) for name in np.unique(block[members])]
         if len(around) > 1:
             # The block with most faces around it needs none of them: the faces around the others separate them from it.
-            around.pop(int(np.argmax([len(one) for one in around])))
+            around.pop(int(np.argmax([len(entry) for entry in around])))
         elif not self._may_rest:
             around = []
-        found = np.concatenate([held, np.unique(np.concatenate([np.empty(0, dtype=np.int64), *around]))])
-        return Lock(found, labels[found], members)
+        faces_found = np.concatenate([held, np.unique(np.concatenate([np.empty(0, dtype=np.int64), *around]))])
+        return Lock(faces_found, labels[faces_found], members)
 
     def _tree(self, among: Bools, a: Ints, b: Ints, labels: Bits) -> Ints:
         """Return a spanning forest of the inner faces between elements `among` (n,), as faces.

@@ -35,12 +35,12 @@ class Solids:
         self._spans_of: dict[bytes, tuple[Floats, Floats]] = {}
         self.convex = np.array([hull.volume for hull in hulls]) <= (1.0 + SHARED) * _volumes(elements)
 
-    def swept(self, mine: Ints, others: Ints, direction: Floats, owner: Ints) -> Ints:
-        """Return owners (n,) of `others` (k,) that an element of `mine` meets along a unit vector (3,), each once."""
+    def swept(self, moving: Ints, others: Ints, direction: Floats, owner: Ints) -> Ints:
+        """Return owners (n,) of `others` (k,) that an element of `moving` meets along a unit vector (3,), each once."""
         low, high = self.elements.lower, self.elements.upper
         least, most = self._spans(direction)
         met: dict[int, None] = {}
-        for e in mine.tolist():
+        for e in moving.tolist():
             reach = 1e-9 * self.size[e]
             # exclude what can never be met: cheap, and nearly all
             ahead = (high[others] > low[e] + reach) | (direction < -1e-12)
@@ -58,9 +58,9 @@ class Solids:
         if key not in self._spans_of:
             first, second = tangents(direction)[:2]
             axes = np.array([direction, first, second, first + second, first - second])
-            places = np.concatenate(self.elements.shape) @ axes.T
+            projections = np.concatenate(self.elements.shape) @ axes.T
             starts = np.cumsum([0, *(len(corners) for corners in self.elements.shape[:-1])])
-            self._spans_of[key] = np.minimum.reduceat(places, starts), np.maximum.reduceat(places, starts)
+            self._spans_of[key] = np.minimum.reduceat(projections, starts), np.maximum.reduceat(projections, starts)
         return self._spans_of[key]
 
     def meets(self, moving: int, still: int, direction: Floats) -> bool:
@@ -83,12 +83,12 @@ class Solids:
             behind = (self.elements.shape[moving] @ q[:, :3].T).min(axis=0) + q[:, 3]
             if np.any((behind >= -depth) & (q[:, :3] @ direction >= -1e-9)):
                 return False
-        ways = normals @ direction
+        rates = normals @ direction
         ahead = (faces @ p[:, :3].T).min(axis=1) + p[:, 3]
         clear = ((ahead >= -depth) & (p[:, :3] @ direction <= 1e-9)).any(axis=1)
         height = self.elements.shape[moving] @ normals.T - np.einsum("ij,ij->i", normals, faces[:, 0])
-        clear |= (height.min(axis=0) >= -depth) & (ways >= -1e-9)
-        clear |= (height.max(axis=0) <= depth) & (ways <= 1e-9)
+        clear |= (height.min(axis=0) >= -depth) & (rates >= -1e-9)
+        clear |= (height.max(axis=0) <= depth) & (rates <= 1e-9)
         if clear.all():
             return False
         key = (moving, depth, direction.tobytes())
@@ -145,27 +145,27 @@ def _meets(planes: Floats, polygon: Floats, near: float) -> bool:
         height = away[:, worst]
         if height.max() <= near:
             return True
-        found = []
+        pairs = []
         for k, at in enumerate(height.tolist()):
             j = (k + 1) % len(polygon)
             if at <= 0.0:
-                found.append(polygon[k])
+                pairs.append(polygon[k])
             if (at <= 0.0) != (height[j] <= 0.0):
-                found.append(polygon[k] + at / (at - height[j]) * (polygon[j] - polygon[k]))
-        polygon = np.array(found)
+                pairs.append(polygon[k] + at / (at - height[j]) * (polygon[j] - polygon[k]))
+        polygon = np.array(pairs)
     return True
 
 
 def _volumes(elements: Elements) -> Floats:
     # Volumes given by a scene are ignored.
-    found = []
+    volumes = []
     for corners, faces in zip(elements.shape, elements.faces, strict=True):
         total = 0.0
         for loop in faces:
             points = corners[list(loop)] - corners[0]
             total += float((np.cross(points[1:-1], points[2:]) @ points[0]).sum())
-        found.append(abs(total) / 6.0)
-    return np.array(found)
+        volumes.append(abs(total) / 6.0)
+    return np.array(volumes)
 
 
 def _triangles(face: Floats) -> Floats:
@@ -215,34 +215,34 @@ def stations_below(assembly: Assembly, spacing: float) -> Stations:
         raise ParameterError("props", f"a spacing of {spacing:g} gives {count + 1} places", f"at most {_MOST} places")
     first = low + 0.5 * (high - low - count * spacing)
     points, owner = [], []
-    for place in first + spacing * np.arange(count + 1):
+    for position in first + spacing * np.arange(count + 1):
         below = {
-            e: _lowest(elements.shape[e] @ right, elements.shape[e] @ up, float(place)) for e in range(len(elements))
+            e: _lowest(elements.shape[e] @ right, elements.shape[e] @ up, float(position)) for e in range(len(elements))
         }
-        known = {e: height for e, height in below.items() if height is not None}
-        held = any(elements.support[e] for e in known)
-        if known and not held:
-            element = min(known, key=lambda e: (known[e], e))
-            points.append(place * right + known[element] * up)
+        heights = {e: height for e, height in below.items() if height is not None}
+        on_support = any(elements.support[e] for e in heights)
+        if heights and not on_support:
+            element = min(heights, key=lambda e: (heights[e], e))
+            points.append(position * right + heights[element] * up)
             owner.append(element)
     if not points:
         ends = [elements.shape[e] @ right for e in range(len(elements)) if elements.support[e]]
         grounds = shapely.union_all([shapely.LineString([(end.min(), 0.0), (end.max(), 0.0)]) for end in ends])
-        whole = shapely.LineString([(low, 0.0), (high, 0.0)])
-        if shapely.difference(whole, shapely.buffer(grounds, 1e-9 * assembly.size)).is_empty:
+        line = shapely.LineString([(low, 0.0), (high, 0.0)])
+        if shapely.difference(line, shapely.buffer(grounds, 1e-9 * assembly.size)).is_empty:
             problem = "the structure stands on supports along its whole length: places lie below a free underside only"
             raise ParameterError("props", problem, "no such option; each stage then says which blocks need props")
         raise ParameterError("props", f"a spacing of {spacing:g} leaves no place below the structure", "a shorter one")
     return Stations(np.array(points), np.array(owner, dtype=np.int64))
 
 
-def _lowest(across: Floats, height: Floats, place: float) -> float | None:
+def _lowest(across: Floats, height: Floats, position: float) -> float | None:
     """Return the lowest height of a polygon, by its corners (k,), at a horizontal place; None beside it."""
     after, above = np.roll(across, -1), np.roll(height, -1)
-    crossed = (np.minimum(across, after) <= place) & (place <= np.maximum(across, after)) & (across != after)
+    crossed = (np.minimum(across, after) <= position) & (position <= np.maximum(across, after)) & (across != after)
     if not crossed.any():
         return None
-    share = (place - across[crossed]) / (after - across)[crossed]
+    share = (position - across[crossed]) / (after - across)[crossed]
     return float((height[crossed] + share * (above - height)[crossed]).min())
 
 
@@ -296,9 +296,9 @@ class Arcs:
         # pieces at rest are shrunk, so that sliding along a contact is free
         if piece not in self._of:
             begin, width = self._seen(piece, self._smaller, 0.0)
-            found = np.column_stack([(begin + TURN) % (2.0 * np.pi), width - 2.0 * TURN])
-            found[piece, 1] = -1.0
-            self._of[piece] = found
+            arcs = np.column_stack([(begin + TURN) % (2.0 * np.pi), width - 2.0 * TURN])
+            arcs[piece, 1] = -1.0
+            self._of[piece] = arcs
         return self._of[piece]
 
     def ends(self, piece: int) -> Floats:
@@ -306,9 +306,9 @@ class Arcs:
         # at the exact size: motion along an end is parallel to the faces in contact, which `of` does not give
         if piece not in self._exact:
             begin, width = self._seen(piece, self._corner, _SAME * self._size)
-            found = np.column_stack([begin, begin + width])
-            found[self.of(piece)[:, 1] <= 0.0] = np.nan
-            self._exact[piece] = found
+            ends = np.column_stack([begin, begin + width])
+            ends[self.of(piece)[:, 1] <= 0.0] = np.nan
+            self._exact[piece] = ends
         return self._exact[piece]
 
     def _seen(self, piece: int, resting: Floats, same: float) -> tuple[Floats, Floats]:
@@ -330,10 +330,10 @@ class Arcs:
 
         moving, still: (n,) masks of the elements that move together, and of those at rest.
         """
-        mine, others = np.flatnonzero(moving[self.owner]), still[self.owner]
-        arcs = np.concatenate([self.of(int(piece))[others] for piece in mine])
+        own_pieces, others = np.flatnonzero(moving[self.owner]), still[self.owner]
+        arcs = np.concatenate([self.of(int(piece))[others] for piece in own_pieces])
         arcs = arcs[arcs[:, 1] > 0.0]
-        wanted = float(np.arctan2(up[1], up[0])) % (2.0 * np.pi)
+        upwards = float(np.arctan2(up[1], up[0])) % (2.0 * np.pi)
         if not len(arcs):
             return up
         begin = arcs[np.argsort(arcs[:, 0], kind="stable")]
@@ -345,14 +345,14 @@ class Arcs:
             return None
         low, high = before[free], begin[free, 0]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        angle = _nearest(wanted, middle, half)
-        best = int(np.argmin(np.round(abs(_reduce_angles(angle - wanted)), 6)))
-        ends = np.concatenate([self.ends(int(piece))[others] for piece in mine])
+        angle = _nearest(upwards, middle, half)
+        best = int(np.argmin(np.round(abs(_reduce_angles(angle - upwards)), 6)))
+        ends = np.concatenate([self.ends(int(piece))[others] for piece in own_pieces])
         # the same gap between exact arcs, whose ends differ from those of the shrunk pieces
         after, before = _reduce_angles(ends[:, 1] - low[best]), _reduce_angles(ends[:, 0] - high[best])
         low_end = low[best] + np.max(after, initial=0.0, where=abs(after) <= _NEAR)
         high_end = high[best] + np.min(before, initial=0.0, where=abs(before) <= _NEAR)
-        between = float(_nearest(wanted, 0.5 * (low_end + high_end), max(0.5 * float(high_end - low_end), 0.0)))
+        between = float(_nearest(upwards, 0.5 * (low_end + high_end), max(0.5 * float(high_end - low_end), 0.0)))
         direction = np.round([np.cos(between), np.sin(between)], 15)
         return np.asarray(direction / np.linalg.norm(direction)) + 0.0
 
@@ -375,19 +375,19 @@ class Arcs:
 
         of: (n,) block of each element. count: number b of blocks.
         """
-        place = of[self.owner]
+        row = of[self.owner]
         table = np.array([self.of(piece) for piece in range(len(self.owner))])
-        found = np.zeros((len(self.turns), count, count), dtype=bool)
+        blocks = np.zeros((len(self.turns), count, count), dtype=bool)
         step = max(1, _CHUNK // max(1, table[:, :, 0].size))
-        holds = np.zeros((len(place), count), dtype=np.float32)
-        holds[np.arange(len(place)), place] = 1.0
+        holds = np.zeros((len(row), count), dtype=np.float32)
+        holds[np.arange(len(row)), row] = 1.0
         for first in range(0, len(self.turns), step):
             angle = self.turns[first : first + step, None, None]
             # angles that differ by less than 1e-6 are equal: an arc blocks directions inside it by more than that
             inside = (angle - table[:, :, 0] - 1e-6) % (2.0 * np.pi) < table[:, :, 1] - 2e-6
-            found[first : first + step] = (holds.T @ inside.astype(np.float32) @ holds) > 0.0
-        found[:, np.arange(count), np.arange(count)] = False
-        return found
+            blocks[first : first + step] = (holds.T @ inside.astype(np.float32) @ holds) > 0.0
+        blocks[:, np.arange(count), np.arange(count)] = False
+        return blocks
 
 
 def _reduce_angles(angle: Floats | float) -> Floats:
@@ -395,9 +395,9 @@ def _reduce_angles(angle: Floats | float) -> Floats:
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def _nearest(wanted: float, middle: Floats | float, half: Floats | float) -> Floats:
+def _nearest(angle: float, middle: Floats | float, half: Floats | float) -> Floats:
     """Return the angle nearest to the wanted one in each interval (middle ± half)."""
-    return np.asarray(middle + np.clip(_reduce_angles(wanted - middle), -half, half))
+    return np.asarray(middle + np.clip(_reduce_angles(angle - middle), -half, half))
 
 
 def _different(angles: Floats) -> Floats:
@@ -495,14 +495,14 @@ class Bodies:
         """Unit directions in space (k, 3) that are tried for groups."""
         return _directions(self.assembly.interfaces.normal)
 
-    def ways_of(self, mine: Bools) -> Floats:
+    def ways_of(self, moving: Bools) -> Floats:
         """Return the unit directions in space (k, 3) that are tried for a block (n,), upward first."""
         # They follow from the block's own contacts and from the assembly, never from other blocks present: a block that
         # can be removed can still be removed when fewer remain, and blocks that lock one another always do.
-        key = np.packbits(mine).tobytes()
+        key = np.packbits(moving).tobytes()
         if key not in self._ways:
             faces = self.assembly.interfaces
-            border = mine[faces.a] != mine[faces.b]
+            border = moving[faces.a] != moving[faces.b]
             every = np.concatenate([_directions(faces.normal[border]), self.common])
             every = every[np.sort(np.unique(np.round(every, 9), axis=0, return_index=True)[1])]
             self._ways[key] = every[np.argsort(-np.round(every @ self.up, 6), kind="stable")]
@@ -528,16 +528,17 @@ class Freedom:
         if self.sideways:
             return np.array(_SIDEWAYS)
         of = self.blocks.of
-        mine, rest = of == block, there[of] & (of != block)
+        moving, rest = of == block, there[of] & (of != block)
         if self._planar:
-            return self.bodies.arcs.way_out(mine, rest, self.bodies.up)
+            return self.bodies.arcs.way_out(moving, rest, self.bodies.up)
         others, normals = self.blocks.contacts_of(block)
         touching = normals[there[others] & (others != block)]
-        ways = self.bodies.ways_of(mine)
-        ways = ways[(ways @ touching.T).max(axis=1, initial=-np.inf) <= _TURN]
-        elements, still = np.flatnonzero(mine), np.flatnonzero(rest)
+        directions = self.bodies.ways_of(moving)
+        directions = directions[(directions @ touching.T).max(axis=1, initial=-np.inf) <= _TURN]
+        elements, still = np.flatnonzero(moving), np.flatnonzero(rest)
         anyone = np.zeros(len(self.bodies.solids.size), dtype=np.int64)
-        free = (way for way in ways if not len(self.bodies.solids.swept(elements, still, way, anyone)))
+        swept = self.bodies.solids.swept
+        free = (direction for direction in directions if not len(swept(elements, still, direction, anyone)))
         return next(free, None)
 
     def group_out(self, there: Bools, most: int) -> tuple[Ints, Floats] | None:
@@ -558,36 +559,36 @@ class Freedom:
             return []
         ways, table, swept = self._blocking
         standing = np.flatnonzero(there)
-        held = blocks.fixed[standing]
-        found: dict[bytes, tuple[Ints, Floats]] = {}
+        fixed = blocks.fixed[standing]
+        groups: dict[bytes, tuple[Ints, Floats]] = {}
         step = max(1, _CHUNK // max(1, len(standing) ** 2))
 
         def free(numbers: Ints) -> tuple[Bools, Bools]:
             """Return what each block takes along (w, s, s) in directions (w,), and those (w, s) that leave."""
             reach = _transitive_closure(table[numbers][:, standing][:, :, standing])
-            return reach, (reach.sum(axis=2) <= most) & ~reach[:, :, held].any(axis=2)
+            return reach, (reach.sum(axis=2) <= most) & ~reach[:, :, fixed].any(axis=2)
 
         for first in range(0, len(ways), step):
             numbers = np.arange(first, min(first + step, len(ways)))
-            reach, good = free(numbers)
+            reach, free_pairs = free(numbers)
             # sweeps only take groups away, so they are made where contacts leave some, until all in a group are swept
-            for place in np.flatnonzero(good.any(axis=1)).tolist() if not self._planar else ():
-                number = numbers[place]
-                while len(todo := standing[reach[place][good[place]].any(axis=0) & ~swept[number, standing]]):
+            for row in np.flatnonzero(free_pairs.any(axis=1)).tolist() if not self._planar else ():
+                number = numbers[row]
+                while len(todo := standing[reach[row][free_pairs[row]].any(axis=0) & ~swept[number, standing]]):
                     for block in todo.tolist():
                         self._sweep(number, block)
-                    one, other = free(numbers[place : place + 1])
-                    reach[place], good[place] = one[0], other[0]
-            for way, place in zip(*np.nonzero(good), strict=True):
-                group = standing[reach[way, place]]
-                found.setdefault(group.tobytes(), (group, ways[first + way]))
-        return sorted(found.values(), key=lambda one: (len(one[0]), one[0].tolist()))
+                    one, second = free(numbers[row : row + 1])
+                    reach[row], free_pairs[row] = one[0], second[0]
+            for direction_number, row in zip(*np.nonzero(free_pairs), strict=True):
+                group = standing[reach[direction_number, row]]
+                groups.setdefault(group.tobytes(), (group, ways[first + direction_number]))
+        return sorted(groups.values(), key=lambda one: (len(one[0]), one[0].tolist()))
 
     def _loose(self, there: Bools) -> bool:
         """Return whether some blocks of `there` (k,) may begin to move apart, each by a translation of its own."""
         blocks = self.blocks
-        kept = there[blocks.first] & there[blocks.second]
-        first, second, normal = blocks.first[kept], blocks.second[kept], blocks.normal[kept]
+        standing = there[blocks.first] & there[blocks.second]
+        first, second, normal = blocks.first[standing], blocks.second[standing], blocks.normal[standing]
         if len(first):
             pairs = np.column_stack([first, second, np.round(normal, 9)])
             once = np.unique(pairs, axis=0, return_index=True)[1]
@@ -623,8 +624,8 @@ class Freedom:
             in_group[group] = True
             parts = [part for part, _ in self._groups(in_group, len(group) - 1)]
             # the order of removal is irrelevant: fewer obstacles remain later
-            rest = None if not parts else np.setdiff1d(group, parts[0])
-            self._apart[key] = rest is not None and self._separable(parts[0]) and self._separable(rest)
+            others = None if not parts else np.setdiff1d(group, parts[0])
+            self._apart[key] = others is not None and self._separable(parts[0]) and self._separable(others)
         return self._apart[key]
 
     @cached_property
@@ -637,21 +638,21 @@ class Freedom:
             angle = self.bodies.arcs.turns
             table = self.bodies.arcs.blocking(blocks.of, count)
             return np.column_stack([np.cos(angle), np.sin(angle)]), table, np.ones(table.shape[:2], dtype=bool)
-        ways = self.bodies.common
-        table = np.zeros((len(ways), count, count), dtype=bool)
-        towards = blocks.normal @ ways.T
-        for face, way in zip(*np.nonzero(abs(towards) > _TURN), strict=True):
+        directions = self.bodies.common
+        table = np.zeros((len(directions), count, count), dtype=bool)
+        towards = blocks.normal @ directions.T
+        for face, number in zip(*np.nonzero(abs(towards) > _TURN), strict=True):
             ends = (blocks.first[face], blocks.second[face])
-            table[(way, *(ends if towards[face, way] > 0.0 else ends[::-1]))] = True
-        return ways, table, np.repeat(blocks.fixed[None], len(ways), axis=0)
+            table[(number, *(ends if towards[face, number] > 0.0 else ends[::-1]))] = True
+        return directions, table, np.repeat(blocks.fixed[None], len(directions), axis=0)
 
     def _sweep(self, number: int, block: int) -> None:
         """Add the blocks that one in space meets along a direction to the table of those that obstruct it."""
-        ways, table, swept = self._blocking
+        directions, table, swept = self._blocking
         swept[number, block] = True
-        mine = self.blocks.of == block
-        others = np.flatnonzero(~mine & ~table[number, block][self.blocks.of])
-        met = self.bodies.solids.swept(np.flatnonzero(mine), others, ways[number], self.blocks.of)
+        moving = self.blocks.of == block
+        others = np.flatnonzero(~moving & ~table[number, block][self.blocks.of])
+        met = self.bodies.solids.swept(np.flatnonzero(moving), others, directions[number], self.blocks.of)
         table[number, block, met] = True
 
 

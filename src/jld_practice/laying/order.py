@@ -52,8 +52,8 @@ def turn_of(blocks: Blocks, start: LayingStart = "ground") -> Turn:
         chosen = np.isin(blocks.of, removed)
         weights = elements.volume[chosen]
         height = float(np.average(elements.centroid[chosen], axis=0, weights=weights) @ up)
-        place = () if far is None else (-round(float(np.average(far[chosen], weights=weights)) / scale, _EQUAL),)
-        return (*place, -round(height / blocks.assembly.size, _EQUAL), float(touching))
+        distance = () if far is None else (-round(float(np.average(far[chosen], weights=weights)) / scale, _EQUAL),)
+        return (*distance, -round(height / blocks.assembly.size, _EQUAL), float(touching))
 
     scale = 1.0 if start == "springings" else blocks.assembly.size
     return key
@@ -209,16 +209,16 @@ def assembly_order(
     blocks = blocks_of_labelling(assembly, labels)
     freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
     turn = turn_of(blocks, start)
-    taken, there = _disassembly(freedom, standing, group, turn, by_courses=start == "ground")
-    if taken is None:
+    moves, there = _disassembly(freedom, standing, group, turn, by_courses=start == "ground")
+    if moves is None:
         return Laying(blocks, (), _smallest_lock(freedom, there, group))
-    steps = _steps(blocks, standing, taken)
+    steps = _steps(blocks, standing, moves)
     if wish == "translation" or all(step.stage.stands for step in steps):
         return Laying(blocks, steps, ())
-    found, settled = _standing_order(freedom, standing, group, turn)
-    if found is None:
+    standing_moves, settled = _standing_order(freedom, standing, group, turn)
+    if standing_moves is None:
         return Laying(blocks, steps, (), searched=True, undecided=not settled)
-    return Laying(blocks, _steps(blocks, standing, found), ())
+    return Laying(blocks, _steps(blocks, standing, standing_moves), ())
 
 
 def locked_blocks(
@@ -255,9 +255,9 @@ def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
 
 
 def _without(there: Bools, move: Move) -> Bools:
-    left = there.copy()
-    left[list(move[0])] = False
-    return left
+    remaining = there.copy()
+    remaining[list(move[0])] = False
+    return remaining
 
 
 def _course(blocks: Blocks, moves: list[Move]) -> list[Move]:
@@ -356,11 +356,11 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn
             return None
         for move in sorted(_moves(freedom, there, group), key=lambda m: turn(there, m[0])):
             looked += 1
-            left = _without(there, move)
-            stands = standing.stage(left).stands
+            remaining = _without(there, move)
+            stands = standing.stage(remaining).stands
             settled &= stands is not None
             if stands:
-                moves = search(left, [*taken, move])
+                moves = search(remaining, [*taken, move])
                 if moves is not None:
                     return moves
         failed.add(key)
@@ -369,11 +369,11 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn
     return search(np.ones(len(blocks), dtype=bool), []), settled
 
 
-def _steps(blocks: Blocks, standing: Standing, taken: list[Move]) -> tuple[Step, ...]:
+def _steps(blocks: Blocks, standing: Standing, moves: list[Move]) -> tuple[Step, ...]:
     """Reverse moves of disassembly to steps of laying, each with the stage after it."""
     laid = blocks.fixed.copy()
     steps = []
-    for move in reversed(taken):
+    for move in reversed(moves):
         laid = laid.copy()
         laid[list(move[0])] = True
         steps.append(Step(move[0], move[1], standing.stage(laid)))
@@ -397,13 +397,13 @@ def order_without_stages(
     freedom, turn = Freedom(blocks, sideways, bodies), turn_of(blocks, start)
     there = np.ones(len(blocks), dtype=bool)
     unsolved = Stage(np.zeros(len(blocks)), np.inf, 0.0)
-    taken: list[Move] = []
+    moves: list[Move] = []
     # sorted once: the contacts that remain, the last part of the key, count among equals alone
-    left = sorted(np.flatnonzero(~blocks.fixed).tolist(), key=lambda block: turn(there, (block,)))
-    while left:
+    waiting = sorted(np.flatnonzero(~blocks.fixed).tolist(), key=lambda block: turn(there, (block,)))
+    while waiting:
         checkpoint()
         move: Move | None = None
-        for block in left:
+        for block in waiting:
             direction = freedom.way_out(block, there)
             if direction is not None:
                 move = ((block,), direction)
@@ -412,7 +412,7 @@ def order_without_stages(
             move = (tuple(together[0].tolist()), together[1])
         if move is None:
             return None
-        taken.append(move)
+        moves.append(move)
         there[list(move[0])] = False
-        left = [block for block in left if there[block]]
-    return Laying(blocks, tuple(Step(*move, unsolved) for move in reversed(taken)), ())
+        waiting = [block for block in waiting if there[block]]
+    return Laying(blocks, tuple(Step(*move, unsolved) for move in reversed(moves)), ())

@@ -71,15 +71,15 @@ class Standing:
         laid = laid | self.blocks.fixed
         key = np.packbits(laid).tobytes()
         if key not in self._known:
-            found = self.parts.of(laid[self.blocks.of], self.labels)
+            parts = self.parts.of(laid[self.blocks.of], self.labels)
             props = np.zeros(len(self.blocks))
-            for part in found:
+            for part in parts:
                 np.add.at(props, self.blocks.of, part.props)
-            error = max((part.error for part in found), default=0.0)
+            error = max((part.error for part in parts), default=0.0)
             along = np.zeros(self.parts.places)
-            for part in found:
+            for part in parts:
                 along += part.along
-            weight, stations = sum(part.weight for part in found), self.parts.stations
+            weight, stations = sum(part.weight for part in parts), self.parts.stations
             if stations is None:
                 self._known[key] = Stage(props, error, weight)
             else:
@@ -107,31 +107,31 @@ class Parts:
         """Program of the first load case; its loads are not used."""
         return Template(self.assembly.by_case[0])
 
-    def of(self, here: Bools, labels: Bits) -> list[_Part]:
-        """Return the props of each part of the stage of elements `here` (n,), solved or from the store."""
+    def of(self, laid: Bools, labels: Bits) -> list[_Part]:
+        """Return the props of each part of the stage of elements `laid` (n,), solved or from the store."""
         faces, support = self.assembly.interfaces, self.assembly.elements.support
-        free = here & ~support
+        free = laid & ~support
         joined = np.flatnonzero(free[faces.a] & free[faces.b])
-        ends, count = (faces.a[joined], faces.b[joined]), len(here)
+        ends, count = (faces.a[joined], faces.b[joined]), len(laid)
         link = sp.coo_array((np.ones(len(joined)), ends), shape=(count, count))
         name = connected_components(link, directed=False)[1]
-        return [self._part(here & (support | (name == part)), labels) for part in np.unique(name[free])]
+        return [self._part(laid & (support | (name == part)), labels) for part in np.unique(name[free])]
 
-    def _part(self, here: Bools, labels: Bits) -> _Part:
+    def _part(self, laid: Bools, labels: Bits) -> _Part:
         faces = self.assembly.interfaces
-        key = np.packbits(here).tobytes() + np.packbits(labels[here[faces.a] & here[faces.b]]).tobytes()
+        key = np.packbits(laid).tobytes() + np.packbits(labels[laid[faces.a] & laid[faces.b]]).tobytes()
         if key not in self._known:
             checkpoint()
-            self._known[key] = self._least_props(here, labels)
+            self._known[key] = self._least_props(laid, labels)
         return self._known[key]
 
-    def _least_props(self, here: Bools, labels: Bits) -> _Part:
-        """Minimise the sum of prop forces of the part of elements `here` (n,)."""
+    def _least_props(self, laid: Bools, labels: Bits) -> _Part:
+        """Minimise the sum of prop forces of the part of elements `laid` (n,)."""
         assembly, template = self.assembly, self.template
         elements, faces, q = assembly.elements, assembly.interfaces, assembly.freedoms
-        props = np.zeros(len(here))
+        props = np.zeros(len(laid))
         free = elements.free
-        standing = np.flatnonzero(here[free])
+        standing = np.flatnonzero(laid[free])
         weight = float(np.linalg.norm(elements.weight[free[standing]], axis=1).sum())
         if weight == 0.0:
             return _Part(props, 0.0, weight, np.zeros(self.places))
@@ -140,7 +140,7 @@ class Parts:
         weights[:, : assembly.dimension] = elements.weight[free]
         weight_of = (weights / template.scaling.row).ravel()
         # select faces between laid elements and equations of laid elements; drop the column of λ
-        chosen = here[faces.a] & here[faces.b]
+        chosen = laid[faces.a] & laid[faces.b]
         pattern = template.yield_set.pattern
         equations = (q * standing[:, None] + np.arange(q)).ravel()
         first = template.structure.equalities + 1
@@ -187,19 +187,19 @@ class Parts:
         columns, owner, place = [], [], []
         for position, row in enumerate(standing.tolist()):
             element = int(elements.free[row])
-            points, places = [elements.centroid[element]], [-1]
+            points, stations_of = [elements.centroid[element]], [-1]
             if self.stations is not None:
-                here = np.flatnonzero(self.stations.element == element)
-                points += list(self.stations.points[here])
-                places += here.tolist()
+                stations = np.flatnonzero(self.stations.element == element)
+                points += list(self.stations.points[stations])
+                stations_of += stations.tolist()
             for side in sides:
                 along = elements.shape[element] @ side
                 points += [
                     elements.shape[element][int(np.argmin(along))],
                     elements.shape[element][int(np.argmax(along))],
                 ]
-            places += [-1] * (len(points) - len(places))
-            for point, station in zip(points, places, strict=True):
+            stations_of += [-1] * (len(points) - len(stations_of))
+            for point, station in zip(points, stations_of, strict=True):
                 arm = point - elements.centroid[element]
                 column = np.zeros(q * len(standing))
                 column[q * position : q * (position + 1)] = (

@@ -36,9 +36,9 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
     # blue triangles below the blocks, or at their places along a line; the title of each stage has their total force.
     # Of more than 60 stages a regular selection is drawn.
     steps = list(laying.steps)
-    shown = steps if len(steps) <= _MOST else [steps[round(k)] for k in np.linspace(0, len(steps) - 1, _MOST)]
+    drawn_steps = steps if len(steps) <= _MOST else [steps[round(k)] for k in np.linspace(0, len(steps) - 1, _MOST)]
     number = {id(step): k + 1 for k, step in enumerate(steps)}
-    count = max(len(shown), 1)
+    count = max(len(drawn_steps), 1)
     across = min(count, _ACROSS)
     down = math.ceil(count / across)
     low, high = _span(laying)
@@ -53,7 +53,7 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
     for step in steps:
         before = laid.copy()
         laid[list(step.blocks)] = True
-        if any(step is one for one in shown):
+        if any(step is drawn_step for drawn_step in drawn_steps):
             checkpoint()
             _draw(axes[position], laying, step, before, number[id(step)], low, high)
             position += 1
@@ -128,11 +128,11 @@ def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low:
         ax.plot(*middle, marker="o", markersize=7, markerfacecolor="none", markeredgecolor=look.INK)
         ax.plot(*middle, marker=".", markersize=3, color=look.INK)
     else:
-        way = projection(step.direction[None])[0] * size
+        arrow = projection(step.direction[None])[0] * size
         ax.annotate(
             "",
             xy=tuple(middle),
-            xytext=tuple(middle + way),
+            xytext=tuple(middle + arrow),
             arrowprops={"arrowstyle": "-|>", "color": look.INK, "lw": 1.2},
         )
     stage = step.stage

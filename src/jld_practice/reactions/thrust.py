@@ -63,14 +63,14 @@ class Thrust:
     state: LimitAnalysisResult | None
 
     def to_json(self) -> dict[str, Any]:
-        whole = None if self.state is None else self.state.to_json()
+        state = None if self.state is None else self.state.to_json()
         return {
             "reaction": number(self.value),
             "bracket": [number(end) for end in self.bracket],
             "gap": number(self.gap),
             "status": self.status,
-            "mechanism": None if whole is None else whole["mechanism"],
-            "forces": None if whole is None else whole["forces"],
+            "mechanism": None if state is None else state["mechanism"],
+            "forces": None if state is None else state["forces"],
         }
 
 
@@ -214,9 +214,9 @@ def settle(
     assembly = assembly.by_case[0]
     if settlement.load:
         assembly = replace(assembly, dead_loads=assembly.dead_loads + settlement.load * assembly.live_loads)
-    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
-    require_materials(assembly, own, ~own)
-    stands = LimitAnalysis(assembly).stands(own)
+    layout_labels = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    require_materials(assembly, layout_labels, ~layout_labels)
+    stands = LimitAnalysis(assembly).stands(layout_labels)
     least = most = None
     if stands is not False:
         velocity = settlement.velocity
@@ -229,18 +229,18 @@ def settle(
         weights = np.where(assembly.elements.support[:, None], velocity, 0.0)[rows].ravel()
         function = ForceFunction((matrix.T @ weights).reshape(-1, assembly.freedoms), speed)
         least, most = (
-            extreme_value(assembly, function, own, greatest=greatest, gap=gap, moved=velocity)
+            extreme_value(assembly, function, layout_labels, greatest=greatest, gap=gap, moved=velocity)
             for greatest in (False, True)
         )
-    return Settled(settlement, assembly, own, stands, least, most, time.perf_counter() - start)
+    return Settled(settlement, assembly, layout_labels, stands, least, most, time.perf_counter() - start)
 
 
 def reactions(assembly: Assembly, forces: Floats, elements: Floats) -> Floats:
     """Compute the resultants (k, q) of forces (m, q) at faces on elements (k,), about their centroids."""
     matrix, rows = _support_rows(assembly, np.isin(np.arange(len(assembly.elements)), elements))
-    found = np.zeros((len(assembly.elements), assembly.freedoms))
-    found[rows] = (matrix @ forces.ravel()).reshape(len(rows), -1)
-    return np.asarray(found[elements])
+    forces_on = np.zeros((len(assembly.elements), assembly.freedoms))
+    forces_on[rows] = (matrix @ forces.ravel()).reshape(len(rows), -1)
+    return np.asarray(forces_on[elements])
 
 
 def _support_rows(assembly: Assembly, moving: Any) -> tuple[Any, Any]:
@@ -282,11 +282,11 @@ class ResultantRange:
         return number(self.least.bracket[0]), number(self.most.bracket[1])
 
     def to_json(self) -> dict[str, Any]:
-        what = self.resultant
+        resultant = self.resultant
         return {
-            "place": what.place,
-            "component": what.component,
-            "point": what.point.tolist(),
+            "place": resultant.place,
+            "component": resultant.component,
+            "point": resultant.point.tolist(),
             "interval": list(self.interval),
             **{
                 name: {
@@ -316,7 +316,7 @@ class ThrustRanges:
         return {
             "load_factor": self.load_factor,
             "stands": self.stands,
-            "ranges": [one.to_json() for one in self.ranges],
+            "ranges": [range_.to_json() for range_ in self.ranges],
             "seconds": self.seconds,
         }
 
@@ -341,19 +341,20 @@ def thrust_ranges(
     if not np.isfinite(load_factor):
         raise ParameterError("load_factor", f"{load_factor} is wrong", "a finite number")
     start = time.perf_counter()
-    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
-    require_materials(assembly, own, ~own)
+    layout_labels = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    require_materials(assembly, layout_labels, ~layout_labels)
     if load_factor:
         assembly = replace(assembly, dead_loads=assembly.dead_loads + load_factor * assembly.live_loads)
-    stands = LimitAnalysis(assembly).stands(own)
+    stands = LimitAnalysis(assembly).stands(layout_labels)
     ranges: list[ResultantRange] = []
     if stands is not False:
-        for one in reactions_of_supports(assembly) if resultants is None else resultants:
+        for resultant in reactions_of_supports(assembly) if resultants is None else resultants:
             least, most = (
-                extreme_value(assembly, one.function, own, greatest=greatest, gap=gap) for greatest in (False, True)
+                extreme_value(assembly, resultant.function, layout_labels, greatest=greatest, gap=gap)
+                for greatest in (False, True)
             )
-            ranges.append(ResultantRange(one, least, most))
-    return ThrustRanges(assembly, own, load_factor, stands, tuple(ranges), time.perf_counter() - start)
+            ranges.append(ResultantRange(resultant, least, most))
+    return ThrustRanges(assembly, layout_labels, load_factor, stands, tuple(ranges), time.perf_counter() - start)
 
 
 def reactions_of_supports(assembly: Assembly, names: Sequence[str] | None = None) -> tuple[Resultant, ...]:
@@ -362,17 +363,20 @@ def reactions_of_supports(assembly: Assembly, names: Sequence[str] | None = None
     elements, faces = assembly.elements, assembly.interfaces
     bearing = [k for k in np.flatnonzero(elements.support).tolist() if ((faces.a == k) | (faces.b == k)).any()]
     if names is not None:
-        known = {elements.ids[k]: k for k in bearing}
+        index_of = {elements.ids[k]: k for k in bearing}
         for name in names:
-            if name not in known:
-                raise ParameterError("support", f"no support that bears something is named {name!r}", ", ".join(known))
-        bearing = [known[name] for name in names]
-    found: list[Resultant] = []
+            if name not in index_of:
+                raise ParameterError(
+                    "support", f"no support that bears something is named {name!r}", ", ".join(index_of)
+                )
+        bearing = [index_of[name] for name in names]
+    resultants: list[Resultant] = []
     for k in bearing:
         own = np.flatnonzero((faces.a == k) | (faces.b == k))
-        place = f"support {elements.ids[k]}"
-        found += _resultant(assembly, place, own, np.where(faces.a[own] == k, faces.b[own], faces.a[own]), local=False)
-    return tuple(found)
+        title = f"support {elements.ids[k]}"
+        side = np.where(faces.a[own] == k, faces.b[own], faces.a[own])
+        resultants += _resultant(assembly, title, own, side, local=False)
+    return tuple(resultants)
 
 
 def resultant_of_joint(assembly: Assembly, first: str, second: str) -> tuple[Resultant, ...]:
@@ -383,13 +387,13 @@ def resultant_of_joint(assembly: Assembly, first: str, second: str) -> tuple[Res
     for name in (first, second):
         if name not in elements.index:
             raise ParameterError("joint", f"no element is named {name!r}", "names of two elements, as A,B")
-    one, other = elements.index[first], elements.index[second]
-    own = np.flatnonzero(((faces.a == one) & (faces.b == other)) | ((faces.a == other) & (faces.b == one)))
-    if not len(own):
+    a, b = elements.index[first], elements.index[second]
+    joint_faces = np.flatnonzero(((faces.a == a) & (faces.b == b)) | ((faces.a == b) & (faces.b == a)))
+    if not len(joint_faces):
         raise ParameterError(
             "joint", f"{first!r} and {second!r} do not touch", "names of two elements that share a face"
         )
-    return _resultant(assembly, f"joint {first}, {second}", own, np.full(len(own), other), local=True)
+    return _resultant(assembly, f"joint {first}, {second}", joint_faces, np.full(len(joint_faces), b), local=True)
 
 
 def resultant_of_section(assembly: Assembly, start: Sequence[float], end: Sequence[float]) -> tuple[Resultant, ...]:
@@ -401,25 +405,25 @@ def resultant_of_section(assembly: Assembly, start: Sequence[float], end: Sequen
     if not length > tolerances.CONTACT * assembly.size:
         raise ParameterError("section", "both ends of the line are the same point", "two points, as X,Y,X,Y")
     along = (last - first) / length
-    left = np.array([-along[1], along[0]])
+    to_left = np.array([-along[1], along[0]])
     near = tolerances.SNAP * assembly.size
     faces = assembly.interfaces
-    own = [
+    crossing = [
         k
         for k, polygon in enumerate(faces.polygon)
-        if (abs((polygon - first) @ left) <= near).all()
+        if (abs((polygon - first) @ to_left) <= near).all()
         and ((polygon - first) @ along >= -near).all()
         and ((polygon - first) @ along <= length + near).all()
     ]
-    if not own:
+    if not crossing:
         raise ParameterError("section", "no face lies on the line", "a line along faces")
-    kept = np.array(own)
-    side = np.where(faces.normal[kept] @ left > 0.0, faces.b[kept], faces.a[kept])
-    place = "section " + " to ".join(f"{x:.6g}, {y:.6g}" for x, y in (first, last))
-    return _resultant(assembly, place, kept, side, local=True)
+    rows = np.array(crossing)
+    side = np.where(faces.normal[rows] @ to_left > 0.0, faces.b[rows], faces.a[rows])
+    title = "section " + " to ".join(f"{x:.6g}, {y:.6g}" for x, y in (first, last))
+    return _resultant(assembly, title, rows, side, local=True)
 
 
-def _resultant(assembly: Assembly, place: str, faces: Ints, side: Ints, *, local: bool) -> tuple[Resultant, ...]:
+def _resultant(assembly: Assembly, title: str, faces: Ints, side: Ints, *, local: bool) -> tuple[Resultant, ...]:
     """Build the functions of each component of the resultant of faces (k,) on elements `side` (k,)."""
     # The resultant acts on the elements beside the faces. Moments are about the mean of the face centroids, weighted by
     # area.
@@ -439,7 +443,7 @@ def _resultant(assembly: Assembly, place: str, faces: Ints, side: Ints, *, local
         names, axes = _LOCAL[d], _axes_of_face(assembly, first, towards[0])
     total = np.tensordot(axes, total, axes=1)
     return tuple(
-        Resultant(place, name, point, ForceFunction(total[k], 1.0 if k < d else assembly.size))
+        Resultant(title, name, point, ForceFunction(total[k], 1.0 if k < d else assembly.size))
         for k, name in enumerate(names)
     )
 
@@ -458,16 +462,18 @@ def _axes_of_face(assembly: Assembly, face: int, normal: Floats) -> Floats:
     return axes
 
 
-def words_of_range(one: ResultantRange, force: str, length: str) -> str:
+def words_of_range(found: ResultantRange, force: str, length: str) -> str:
     """Describe one range in a line, such as "N  1.2 to 3.4 kN"."""
-    unit = force if one.resultant.function.unit == 1.0 and one.resultant.component[0] != "M" else f"{force}·{length}"
+    unit = (
+        force if found.resultant.function.unit == 1.0 and found.resultant.component[0] != "M" else f"{force}·{length}"
+    )
     ends = []
-    for end, name in ((one.least, "least"), (one.most, "greatest")):
+    for end, name in ((found.least, "least"), (found.most, "greatest")):
         if math.isfinite(end.value):
             ends.append(f"{end.value:.6g}" + ("" if end.status == "certified" else " (uncertified)"))
         else:
             ends.append(f"no {name}" if end.status == "unbounded" else "uncertified")
-    return f"{one.resultant.component:<2}  {ends[0]} to {ends[1]} {unit}"
+    return f"{found.resultant.component:<2}  {ends[0]} to {ends[1]} {unit}"
 
 
 _ROUTE: Final = Route("the geometric reserve")
@@ -495,20 +501,20 @@ def least_share(assembly: Assembly, labels: Bits) -> Reserve | None:
     # Bisection of θ with yield sets whose eccentricities, friction and strengths are θ times those of the faces, which
     # are nested. docs/method.md (3.16).
     require_materials(assembly, labels, ~labels)
-    found = _state(assembly, labels, 1.0)
-    if found is None:
+    state = _state(assembly, labels, 1.0)
+    if state is None:
         return None
     least, high = 0.0, 1.0
     while high - least > _WIDTH:
         middle = 0.5 * (least + high)
-        one = _state(assembly, labels, middle)
-        if one is None:
+        middle_state = _state(assembly, labels, middle)
+        if middle_state is None:
             least = middle
         else:
-            high, found = middle, one
+            high, state = middle, middle_state
     refuted = least > 0.0 and LimitAnalysis(shrunk(assembly, least)).stands(labels) is False
     low = least if refuted else 0.0
-    forces = found[0].forces * found[1].face
+    forces = state[0].forces * state[1].face
     return _reserve(assembly, labels, (low, high), forces)
 
 

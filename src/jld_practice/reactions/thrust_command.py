@@ -65,18 +65,20 @@ def thrust(
         assembly, labels = rigid(assembly, labels, "a range of reactions")
         resultants = _resultants(assembly, support, joint, section)
         names: list[str | None] = [case.name for case in assembly.cases] or [None]
-        found = [thrust_ranges(one, labels, resultants=resultants, load_factor=load_factor) for one in assembly.by_case]
-    told: dict[str, Any] = {
+        ranges = [
+            thrust_ranges(one, labels, resultants=resultants, load_factor=load_factor) for one in assembly.by_case
+        ]
+    facts: dict[str, Any] = {
         "name": scene.name,
         "units": dict(zip(("length", "force"), assembly.units, strict=True)),
-        "cases": [{"case": name, **one.to_json()} for name, one in zip(names, found, strict=True)],
+        "cases": [{"case": name, **one.to_json()} for name, one in zip(names, ranges, strict=True)],
     }
-    if len(found) == 1:
-        told |= found[0].to_json()
+    if len(ranges) == 1:
+        facts |= ranges[0].to_json()
     if out is not None:
-        _write(found, json.dumps(told, indent=1), out)
-    streams.say(json.dumps(told, indent=1) if as_json else "\n\n".join(map(_words, found)))
-    if any("uncertified" in (part.least.status, part.most.status) for one in found for part in one.ranges):
+        _write(ranges, json.dumps(facts, indent=1), out)
+    streams.say(json.dumps(facts, indent=1) if as_json else "\n\n".join(map(_words, ranges)))
+    if any("uncertified" in (part.least.status, part.most.status) for one in ranges for part in one.ranges):
         raise typer.Exit(ending.UNCERTIFIED)
 
 
@@ -84,14 +86,14 @@ def _resultants(
     assembly: Assembly, support: list[str] | None, joint: list[str] | None, section: list[str] | None
 ) -> tuple[Resultant, ...]:
     """Return the resultants that the options name; those of all supports if they name none."""
-    found: tuple[Resultant, ...] = ()
+    resultants: tuple[Resultant, ...] = ()
     if support or not (joint or section):
-        found += reactions_of_supports(assembly, support or None)
+        resultants += reactions_of_supports(assembly, support or None)
     for text in joint or []:
         names = [part.strip() for part in text.split(",")]
         if len(names) != 2:
             raise ParameterError("joint", f"{text!r} is not a pair", "names of two elements, as A,B")
-        found += resultant_of_joint(assembly, names[0], names[1])
+        resultants += resultant_of_joint(assembly, names[0], names[1])
     for text in section or []:
         try:
             numbers = [float(part) for part in text.split(",")]
@@ -99,39 +101,39 @@ def _resultants(
             numbers = []
         if len(numbers) != 4 or not all(abs(number) < float("inf") for number in numbers):
             raise ParameterError("section", f"{text!r} is not a line", "two points, as X,Y,X,Y")
-        found += resultant_of_section(assembly, numbers[:2], numbers[2:])
-    return found
+        resultants += resultant_of_section(assembly, numbers[:2], numbers[2:])
+    return resultants
 
 
-def _words(found: ThrustRanges) -> str:
-    load = f"{found.load_factor:g} × the live load" if found.load_factor else "the dead load alone"
-    if found.stands is False:
-        return f"{found.assembly.name}: falls under {load}, proven"
-    length, force = found.assembly.units
-    lines, place = [f"{found.assembly.name}: under {load}"], ""
-    for one in found.ranges:
-        what = one.resultant
-        if what.place != place:
-            place = what.place
-            digits = 6 - math.floor(math.log10(found.assembly.size))
-            point = ", ".join(f"{round(x, digits) + 0.0:.6g}" for x in what.point.tolist())
-            lines.append(f"  {place} (moments about {point})")
-        lines.append(f"    {words_of_range(one, force, length)}")
+def _words(ranges: ThrustRanges) -> str:
+    load = f"{ranges.load_factor:g} × the live load" if ranges.load_factor else "the dead load alone"
+    if ranges.stands is False:
+        return f"{ranges.assembly.name}: falls under {load}, proven"
+    length, force = ranges.assembly.units
+    lines, support = [f"{ranges.assembly.name}: under {load}"], ""
+    for range_ in ranges.ranges:
+        resultant = range_.resultant
+        if resultant.place != support:
+            support = resultant.place
+            digits = 6 - math.floor(math.log10(ranges.assembly.size))
+            point = ", ".join(f"{round(x, digits) + 0.0:.6g}" for x in resultant.point.tolist())
+            lines.append(f"  {support} (moments about {point})")
+        lines.append(f"    {words_of_range(range_, force, length)}")
     return "\n".join(lines)
 
 
-def _write(found: list[ThrustRanges], told: str, out: Path) -> None:
+def _write(ranges: list[ThrustRanges], text: str, out: Path) -> None:
     """Write thrust.json and one picture per resultant and load case."""
     from jld_views import figures
 
     out.mkdir(parents=True, exist_ok=True)
-    files.write_text(out / "thrust.json", told)
+    files.write_text(out / "thrust.json", text)
     number = 0
-    for one in found:
-        for part in one.ranges:
+    for range_ in ranges:
+        for part in range_.ranges:
             number += 1
             name = re.sub(r"[^\w-]+", "_", f"{part.resultant.place}_{part.resultant.component}")[:50]
-            figures.save_figure(figure_of_range(one, part), out / f"thrust-{number}-{name}.png")
+            figures.save_figure(figure_of_range(range_, part), out / f"thrust-{number}-{name}.png")
 
 
 def settlement(
@@ -156,105 +158,105 @@ def settlement(
     with error_context(source):
         layout.require_whole_faces(model, "a movement of supports")
         assembly, labels = rigid(assembly, labels, "a movement of supports")
-        found = [settle(assembly, one, labels) for one in built.settlements_of(scene, assembly)]
-    told = {"name": scene.name, "settlements": [one.to_json() for one in found]}
+        settled = [settle(assembly, movement, labels) for movement in built.settlements_of(scene, assembly)]
+    facts = {"name": scene.name, "settlements": [movement.to_json() for movement in settled]}
     if out is not None:
-        _write_settlement(found, json.dumps(told, indent=1), out)
-    streams.say(json.dumps(told, indent=1) if as_json else "\n".join(map(_settlement_words, found)))
-    ends = [end for one in found for end in (one.least, one.most) if end is not None]
+        _write_settlement(settled, json.dumps(facts, indent=1), out)
+    streams.say(json.dumps(facts, indent=1) if as_json else "\n".join(map(_settlement_words, settled)))
+    ends = [end for movement in settled for end in (movement.least, movement.most) if end is not None]
     if any(end.status == "uncertified" for end in ends):
         raise typer.Exit(ending.UNCERTIFIED)
 
 
-def _settlement_words(found: Settled) -> str:
-    if found.stands is False:
-        return f"{found.settlement.name}: it falls under its dead load alone"
-    force = found.assembly.units[1]
+def _settlement_words(settled: Settled) -> str:
+    if settled.stands is False:
+        return f"{settled.settlement.name}: it falls under its dead load alone"
+    force = settled.assembly.units[1]
     return (
-        f"{found.settlement.name}\n"
-        f"  least reaction    {words_of(found.least, force)}\n"
-        f"  greatest reaction {words_of(found.most, force)}"
+        f"{settled.settlement.name}\n"
+        f"  least reaction    {words_of(settled.least, force)}\n"
+        f"  greatest reaction {words_of(settled.most, force)}"
     )
 
 
-def _write_settlement(found: list[Settled], told: str, out: Path) -> None:
+def _write_settlement(settled: list[Settled], text: str, out: Path) -> None:
     from jld_views import figures
 
     out.mkdir(parents=True, exist_ok=True)
-    files.write_text(out / "settlement.json", told)
-    for number, one in enumerate(found, 1):
-        name = re.sub(r"[^\w-]+", "_", one.settlement.name)[:40]
-        figures.save_figure(figure_of_settled(one), out / f"settlement-{number}-{name}.png")
+    files.write_text(out / "settlement.json", text)
+    for number, movement in enumerate(settled, 1):
+        name = re.sub(r"[^\w-]+", "_", movement.settlement.name)[:40]
+        figures.save_figure(figure_of_settled(movement), out / f"settlement-{number}-{name}.png")
 
 
-def figure_of_range(found: ThrustRanges, one: ResultantRange) -> Figure:
+def figure_of_range(ranges: ThrustRanges, range_: ResultantRange) -> Figure:
     """Return a figure of one range: forces at its least and at its greatest value."""
-    figure, axes = figures.figure_for(found.assembly, 2)
-    moment = one.resultant.component.startswith("M")
-    length, force = found.assembly.units
+    figure, axes = figures.figure_for(ranges.assembly, 2)
+    moment = range_.resultant.component.startswith("M")
+    length, force = ranges.assembly.units
     unit = f"{force}·{length}" if moment else force
-    for ax, end, name in zip(axes, (one.least, one.most), ("least", "greatest"), strict=True):
+    for ax, end, name in zip(axes, (range_.least, range_.most), ("least", "greatest"), strict=True):
         if end.state is None:
-            figures.draw_assembly(ax, found.assembly, found.labels)
+            figures.draw_assembly(ax, ranges.assembly, ranges.labels)
         else:
             state = end.state
-            if not found.load_factor:
+            if not ranges.load_factor:
                 bare = replace(state.assembly, live_loads=0.0 * state.assembly.live_loads)
                 state = replace(state, assembly=bare)
             figures.draw_forces(ax, state)
         value = {"unbounded": "unbounded", "uncertified": "uncertified"}.get(end.status, f"{end.value:.5g} {unit}")
-        ax.set_title(f"{name} {one.resultant.component}: {value}", fontsize=10)
-    name = textwrap.shorten(found.assembly.name, 60, placeholder=" …")
-    load = f" under {found.load_factor:g} × the live load" if found.load_factor else " under its dead load"
-    figures.finish(figure, axes, f"{name}: {one.resultant.place}{load}")
+        ax.set_title(f"{name} {range_.resultant.component}: {value}", fontsize=10)
+    name = textwrap.shorten(ranges.assembly.name, 60, placeholder=" …")
+    load = f" under {ranges.load_factor:g} × the live load" if ranges.load_factor else " under its dead load"
+    figures.finish(figure, axes, f"{name}: {range_.resultant.place}{load}")
     return figure
 
 
-def figure_of_settled(found: Settled) -> Figure:
+def figure_of_settled(settled: Settled) -> Figure:
     """Return a figure of a settlement: forces at both ends of the range, and the mechanism."""
     # The axes show, from left to right, forces at the least reaction, the mechanism there, and forces at the greatest.
     # The title says where the structure falls under its dead load alone.
-    if not found.settlement.load:
-        found = without_live_load(found)
-    figure, axes = figures.figure_for(found.assembly, 3)
-    force = found.assembly.units[1]
-    draw_thrust(axes[0], found, found.least, f"Least reaction {words_of(found.least, force)}")
-    if found.least is not None and found.least.state is not None:
-        figures.draw_mechanism(axes[1], found.least.state)
+    if not settled.settlement.load:
+        settled = without_live_load(settled)
+    figure, axes = figures.figure_for(settled.assembly, 3)
+    force = settled.assembly.units[1]
+    draw_thrust(axes[0], settled, settled.least, f"Least reaction {words_of(settled.least, force)}")
+    if settled.least is not None and settled.least.state is not None:
+        figures.draw_mechanism(axes[1], settled.least.state)
         axes[1].set_title("Mechanism that follows the supports", fontsize=10)
     else:
-        draw_thrust(axes[1], found, None, "no mechanism")
-    draw_thrust(axes[2], found, found.most, f"Greatest reaction {words_of(found.most, force)}")
-    name = textwrap.shorten(found.assembly.name, 60, placeholder=" …")
-    what = "" if found.stands is not False else "\nit falls under its dead load alone"
-    figures.finish(figure, axes, f"{name}: {found.settlement.name}{what}")
+        draw_thrust(axes[1], settled, None, "no mechanism")
+    draw_thrust(axes[2], settled, settled.most, f"Greatest reaction {words_of(settled.most, force)}")
+    name = textwrap.shorten(settled.assembly.name, 60, placeholder=" …")
+    remark = "" if settled.stands is not False else "\nit falls under its dead load alone"
+    figures.finish(figure, axes, f"{name}: {settled.settlement.name}{remark}")
     return figure
 
 
-def without_live_load(found: Settled) -> Settled:
+def without_live_load(settled: Settled) -> Settled:
     """Return a copy of a settlement result without live loads, so that figures show none."""
-    bare = replace(found.assembly, live_loads=0.0 * found.assembly.live_loads)
+    bare = replace(settled.assembly, live_loads=0.0 * settled.assembly.live_loads)
 
     def stripped(end: Thrust | None) -> Thrust | None:
         return end if end is None or end.state is None else replace(end, state=replace(end.state, assembly=bare))
 
-    return replace(found, assembly=bare, least=stripped(found.least), most=stripped(found.most))
+    return replace(settled, assembly=bare, least=stripped(settled.least), most=stripped(settled.most))
 
 
-def draw_thrust(ax: Axes, found: Settled, end: Thrust | None, title: str) -> None:
+def draw_thrust(ax: Axes, settled: Settled, end: Thrust | None, title: str) -> None:
     """Draw the forces at one end of the reaction's range, and the movement of the supports."""
     if end is None or end.state is None:
-        figures.draw_assembly(ax, found.assembly, found.labels)
+        figures.draw_assembly(ax, settled.assembly, settled.labels)
 
     else:
         figures.draw_forces(ax, end.state)
-    draw_movement(ax, found)
+    draw_movement(ax, settled)
     ax.set_title(title, fontsize=10)
 
 
-def draw_movement(ax: Axes, found: Settled) -> None:
+def draw_movement(ax: Axes, settled: Settled) -> None:
     """Draw an arrow at each translating support, along its movement."""
-    assembly, velocity = found.assembly, found.settlement.velocity
+    assembly, velocity = settled.assembly, settled.settlement.velocity
     d, projection = assembly.dimension, structure.projection_of(assembly)
     size = float(np.linalg.norm(velocity[:, :d], axis=1).max())
     for k in np.flatnonzero(velocity[:, :d].any(axis=1) & (size > 0.0)).tolist():

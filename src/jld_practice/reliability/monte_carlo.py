@@ -117,12 +117,12 @@ class LimitFunction:
 
     @one_thread()
     def at_values(self, values: Floats) -> Limit:
-        found: list[tuple[float, Floats | None]] = []
-        for case, asked in enumerate(self.bounds.structure.assembly.required.tolist()):
+        values_of_cases: list[tuple[float, Floats | None]] = []
+        for case, required in enumerate(self.bounds.structure.assembly.required.tolist()):
             analysis, proof = self.bounds.solved(values, case)
             value, rates = self._of_case(analysis, proof, values, case)
-            found.append((value / asked, None if rates is None else rates / asked))
-        value, rates = min(found, key=lambda one: math.inf if math.isnan(one[0]) else one[0])
+            values_of_cases.append((value / required, None if rates is None else rates / required))
+        value, rates = min(values_of_cases, key=lambda pair: math.inf if math.isnan(pair[0]) else pair[0])
         return Limit(value - self.required, rates)
 
     def _of_case(self, analysis: LimitAnalysis, proof: Proof, values: Floats, case: int) -> tuple[float, Floats | None]:
@@ -152,15 +152,15 @@ def _by_strength(sets: FrictionSet, jumps: Floats, normal: Floats, labels: np.nd
     """Return derivatives (m,) of scaled λ by scaled strengths, at unit live work, from jumps (m, q)."""
     slip = sets.slip(jumps) * normal
     frictions = [parameter for parameter in standard.PARAMETERS if parameter.side == "friction"]
-    found = {friction.field: np.where(labels == (friction.label == "dry"), slip, 0.0) for friction in frictions}
+    rates = {friction.field: np.where(labels == (friction.label == "dry"), slip, 0.0) for friction in frictions}
     for name, values in sets.numbers.stresses.items():
         step = np.where(np.isfinite(values), _DIFFERENCE * np.maximum(values, 1.0), 0.0)
         ends = [
             sets.with_strengths(replace(sets.numbers, **{name: values + sign * step})).dissipation(jumps, labels)
             for sign in (0.0, 1.0)
         ]
-        found[name] = np.where(step > 0.0, (ends[1] - ends[0]) / np.where(step > 0.0, step, 1.0), 0.0)
-    return found
+        rates[name] = np.where(step > 0.0, (ends[1] - ends[0]) / np.where(step > 0.0, step, 1.0), 0.0)
+    return rates
 
 
 class _Iteration:
@@ -170,23 +170,23 @@ class _Iteration:
         self.here = self.limit(point)
 
     def limit(self, point: Floats) -> Limit:
-        found = self.function.at(point)
-        if math.isfinite(found.distance):
-            self.met = [*self.met, (point, found)][-_KEPT:]
-        return found
+        limit = self.function.at(point)
+        if math.isfinite(limit.distance):
+            self.met = [*self.met, (point, limit)][-_KEPT:]
+        return limit
 
     def nearest(self, around: bool) -> Floats:
         """Return the point (v,) nearest to the means where linearised limit functions are ≤ 0."""
         reach = _NEAR_POINT * max(1.0, float(np.linalg.norm(self.point)))
         chosen = [(self.point, self.here)]
         if around:
-            chosen += [(at, one) for at, one in self.met if np.linalg.norm(at - self.point) <= reach]
+            chosen += [(at, limit) for at, limit in self.met if np.linalg.norm(at - self.point) <= reach]
         slopes = np.array(
-            [one.gradient / np.linalg.norm(one.gradient) for _, one in chosen if one.gradient is not None]
+            [limit.gradient / np.linalg.norm(limit.gradient) for _, limit in chosen if limit.gradient is not None]
         )
-        sides = np.array([slope @ at - one.distance for slope, (at, one) in zip(slopes, chosen, strict=True)])
-        found = _least_distance(slopes, sides) if around else None
-        point = np.asarray(sides[0] * slopes[0]) if found is None else found
+        sides = np.array([slope @ at - limit.distance for slope, (at, limit) in zip(slopes, chosen, strict=True)])
+        nearest = _least_distance(slopes, sides) if around else None
+        point = np.asarray(sides[0] * slopes[0]) if nearest is None else nearest
         return point * min(1.0, float((self.reach / np.maximum(abs(point), self.reach)).min()))
 
     def step(self, target: Floats) -> bool:
@@ -208,9 +208,9 @@ class _Iteration:
         return abs(self.here.distance) <= _SURFACE and _close(target, self.point)
 
 
-def _close(one: Floats, other: Floats) -> bool:
+def _close(first: Floats, second: Floats) -> bool:
     """Return whether two points are equal to the accuracy of a design point."""
-    return float(np.linalg.norm(one - other)) <= _POINT * max(1.0, float(np.linalg.norm(other)))
+    return float(np.linalg.norm(first - second)) <= _POINT * max(1.0, float(np.linalg.norm(second)))
 
 
 def _merit(point: Floats, limit: Limit, penalty: float) -> float:
@@ -226,8 +226,8 @@ def _least_distance(slopes: Floats, sides: Floats) -> Floats | None:
     system = np.vstack([-slopes.T, -sides])
     last = np.zeros(len(system))
     last[-1] = 1.0
-    rest = system @ nnls(system, last)[0] - last
-    return None if abs(rest[-1]) <= _SURFACE else np.asarray(-rest[:-1] / rest[-1])
+    residual = system @ nnls(system, last)[0] - last
+    return None if abs(residual[-1]) <= _SURFACE else np.asarray(-residual[:-1] / residual[-1])
 
 
 def design_point(function: LimitFunction, start: Floats | None = None) -> Form:
@@ -368,10 +368,10 @@ def simulate(
     return MonteCarlo(samples, failures, resolved, undecided, probability, interval, rare, nearest, unseen)
 
 
-def in_threads(one: Callable[[int], _Result], parts: int, jobs: int) -> list[_Result]:
+def in_threads(task: Callable[[int], _Result], parts: int, jobs: int) -> list[_Result]:
     """Call a function for portions of the samples in `jobs` threads; keep their order."""
     with Pool(min(jobs, parts), threads=True) as pool:
-        return list(pool.run(one, [(part,) for part in range(parts)]))
+        return list(pool.run(task, [(part,) for part in range(parts)]))
 
 
 @dataclass(frozen=True)
@@ -410,9 +410,9 @@ class _Drawing:
         within = dice.uniform(0.0, 1.0, len(index))
         begin = np.cumsum(self.counts) - self.counts
         centre = np.searchsorted(begin + self.counts, index, side="right")
-        place = (index - begin[centre] + within) / self.counts[centre]
+        quantile = (index - begin[centre] + within) / self.counts[centre]
         # 0 has no quantile; half of the smallest share that numbers of a generator can have stands for it
-        level = ndtri(np.maximum(place, 0.5 * 2.0**-53 / samples))
+        level = ndtri(np.maximum(quantile, 0.5 * 2.0**-53 / samples))
         size = np.linalg.norm(self.along, axis=1, keepdims=True)
         unit = (self.along / np.where(size > 0.0, size, 1.0))[centre]
         ahead = np.where(size[centre, 0] > 0.0, level - (points * unit).sum(axis=1), 0.0)
@@ -424,22 +424,22 @@ class _Drawing:
 
 def decided(bounds: SampleBounds, required: float, values: Floats) -> tuple[Bools, Bools, int]:
     """Return (k,) which samples (k, v) surely fail and which stay open, and how many were solved again."""
-    found = bounds.of(values, required)
-    fails, open_ = found.fails(required), ~(found.fails(required) | found.holds(required))
-    again = np.flatnonzero(open_) if bounds.batched else np.zeros(0, dtype=np.int64)
-    if len(again):
-        proven = bounds.proven(values[again])
-        fails[again], open_[again] = proven.fails(required), ~(proven.fails(required) | proven.holds(required))
-    return fails, open_, len(again)
+    bounds_found = bounds.of(values, required)
+    fails, open_ = bounds_found.fails(required), ~(bounds_found.fails(required) | bounds_found.holds(required))
+    open_rows = np.flatnonzero(open_) if bounds.batched else np.zeros(0, dtype=np.int64)
+    if len(open_rows):
+        proven = bounds.proven(values[open_rows])
+        fails[open_rows], open_[open_rows] = proven.fails(required), ~(proven.fails(required) | proven.holds(required))
+    return fails, open_, len(open_rows)
 
 
 def _counted(bounds: SampleBounds, required: float, points: Floats, weights: Floats) -> _Part:
-    fails, open_, again = decided(bounds, required, bounds.structure.variables.values(points))
+    fails, open_, open_rows = decided(bounds, required, bounds.structure.variables.values(points))
     masks = (fails, open_)
     sums = np.array([weights[mask].sum() for mask in masks])
     squares = np.array([(weights[mask] ** 2).sum() for mask in masks])
     nearest = points[fails][np.argmin((points[fails] ** 2).sum(axis=1))] if fails.any() else None
-    return _Part(int(fails.sum()), again, int(open_.sum()), sums, squares, nearest)
+    return _Part(int(fails.sum()), open_rows, int(open_.sum()), sums, squares, nearest)
 
 
 def exact_interval(failures: int, undecided: int, samples: int) -> tuple[float, float]:
@@ -489,8 +489,8 @@ def compare(one: SampleBounds, other: SampleBounds, samples: int, seed: int, job
         points, _ = drawing.part(part)
         values = one.structure.variables.values(points)
         first, second = one.of(values), other.of(values)
-        for bounds, found in ((one, first), (other, second)):
-            _prove_open(bounds, found, values)
+        for bounds, brackets in ((one, first), (other, second)):
+            _prove_open(bounds, brackets, values)
         stronger = (first.low > second.high) | (np.isposinf(first.low) & ~np.isposinf(second.high))
         weaker = (second.low > first.high) | (np.isposinf(second.low) & ~np.isposinf(first.high))
         return int(stronger.sum()), int(weaker.sum())
@@ -500,13 +500,13 @@ def compare(one: SampleBounds, other: SampleBounds, samples: int, seed: int, job
     return Comparison(samples, stronger, weaker, samples - stronger - weaker)
 
 
-def _prove_open(bounds: SampleBounds, found: GoverningBounds, values: Floats) -> None:
+def _prove_open(bounds: SampleBounds, brackets: GoverningBounds, values: Floats) -> None:
     """Solve samples (k, v) again that lack one of two bounds, and replace their bounds."""
-    again = np.flatnonzero(np.isneginf(found.low) != np.isneginf(found.high))
-    again = np.union1d(again, np.flatnonzero(np.isposinf(found.low) != np.isposinf(found.high)))
-    if len(again) and bounds.batched:
-        proven = bounds.proven(values[again])
-        found.low[again], found.high[again] = proven.low, proven.high
+    half_open = np.flatnonzero(np.isneginf(brackets.low) != np.isneginf(brackets.high))
+    half_open = np.union1d(half_open, np.flatnonzero(np.isposinf(brackets.low) != np.isposinf(brackets.high)))
+    if len(half_open) and bounds.batched:
+        proven = bounds.proven(values[half_open])
+        brackets.low[half_open], brackets.high[half_open] = proven.low, proven.high
 
 
 # Probability of unseen failures, over that of known ones, that the spread of samples is chosen for

@@ -125,13 +125,13 @@ class RandomStructure:
 
     def strengths(self, values: Floats) -> Strengths:
         """Return the strengths of all faces, scene units, of samples (k, v); 0 for negative ones."""
-        own, mean = self.assembly.strengths(_ROUTE), self.variables.mean
-        tables = {name: np.repeat(getattr(own, name)[None], len(values), axis=0) for name in vars(own)}
+        strengths, mean = self.assembly.strengths(_ROUTE), self.variables.mean
+        tables = {name: np.repeat(getattr(strengths, name)[None], len(values), axis=0) for name in vars(strengths)}
         for follower in self.followers:
             x, m = values[:, follower.variables], mean[follower.variables]
             if follower.angle:
                 x, m = _tangent(x), _tangent(m)
-            base = getattr(own, follower.field)[follower.faces]
+            base = getattr(strengths, follower.field)[follower.faces]
             least = _LEAST * base if follower.field in standard.ENDS else 0.0
             tables[follower.field][:, follower.faces] = np.maximum(base + (x - m), least)
         inner = {parameter.side: parameter.field for parameter in standard.PARAMETERS if parameter.label == "inner"}
@@ -151,23 +151,23 @@ class RandomStructure:
             rows, more_dead, more_live = linear
             dead += (away[:, rows] @ more_dead).reshape(dead.shape)
             live += (away[:, rows] @ more_live).reshape(live.shape)
-        for one in self.growths[case]:
-            if len(one.variables) == 2:
-                factor = away[:, one.variables].prod(axis=1)[:, None, None]
-                dead += factor * one.dead
-                live += factor * one.live
+        for growth in self.growths[case]:
+            if len(growth.variables) == 2:
+                factor = away[:, growth.variables].prod(axis=1)[:, None, None]
+                dead += factor * growth.dead
+                live += factor * growth.live
         return dead, live
 
     @cached_property
     def _linear(self) -> list[tuple[Ints, Floats, Floats] | None]:
         """For each case the variables (r,) of linear loads, and their rates (r, n·q)."""
-        found: list[tuple[Ints, Floats, Floats] | None] = []
+        maps: list[tuple[Ints, Floats, Floats] | None] = []
         for growths in self.growths:
             plain = [growth for growth in growths if len(growth.variables) == 1]
             rows = np.array([one.variables[0] for one in plain], dtype=np.int64)
             parts = [np.array([getattr(one, name).ravel() for one in plain]) for name in ("dead", "live")]
-            found.append((rows, parts[0], parts[1]) if plain else None)
-        return found
+            maps.append((rows, parts[0], parts[1]) if plain else None)
+        return maps
 
     def at(self, values: Floats, case: int) -> Assembly:
         dead, live = self.loads(values[None], case)
@@ -204,11 +204,11 @@ def _tangent(degrees: Floats) -> Floats:
 
 def random_structure(scene: Scene) -> RandomStructure:
     """Return a structure as it depends on uncertain values; InputError for one that acts otherwise."""
-    found = list(uncertain.uncertain_values(scene))
-    if not found:
-        given = '{"mean": …, "cov": …, "kind": "normal" | "lognormal"} for friction, a strength, a density or a load'
-        raise InputError("", "no value of the scene has uncertainty", given)
-    return _Measurement(scene, found).structure()
+    values = list(uncertain.uncertain_values(scene))
+    if not values:
+        expected = '{"mean": …, "cov": …, "kind": "normal" | "lognormal"} for friction, a strength, a density or a load'
+        raise InputError("", "no value of the scene has uncertainty", expected)
+    return _Measurement(scene, values).structure()
 
 
 class _Measurement:
@@ -249,7 +249,7 @@ class _Measurement:
         for position, factor in changes:
             path, value = self.found[position]
             if isinstance(value, uncertain.UncertainVector):
-                _put(document, path, [factor * one for one in value])
+                _put(document, path, [factor * component for component in value])
             else:
                 _put(document, path, factor * float(value))
             fresh = fresh or path[0] in ("elements", "interfaces")
@@ -258,7 +258,7 @@ class _Measurement:
 
     def _add(self, path: uncertain.Path, value: uncertain.Uncertain | uncertain.UncertainVector) -> list[int]:
         """Add the variables of one value of the scene, and return their positions."""
-        position = [one for one, _ in self.found].index(path)
+        position = [owner for owner, _ in self.found].index(path)
         size = value.size if isinstance(value, uncertain.UncertainVector) else value
         step = _STEP
         try:
@@ -271,7 +271,9 @@ class _Measurement:
         varying = self._split(path, size, faces, rates)
         first, count = len(self.names), 1 if varying is None else len(varying)
         name = uncertain.in_words(path)
-        self.names += [name] if varying is None else [f"{name} of {one}" for one in self._owners(varying, bool(faces))]
+        self.names += (
+            [name] if varying is None else [f"{name} of {owner}" for owner in self._owners(varying, bool(faces))]
+        )
         self.sizes += [size] * count
         for field, mask, angle in faces:
             followed = np.flatnonzero(mask)
@@ -284,8 +286,8 @@ class _Measurement:
 
     def _following(self, path: uncertain.Path, other: Assembly, change: float) -> list[tuple[str, Any, bool]]:
         """Return the strengths that follow a value: name, faces (m,), whether by its tangent."""
-        found = []
-        key = str(next(one for one in reversed(path) if isinstance(one, str)))
+        entries = []
+        key = str(next(part for part in reversed(path) if isinstance(part, str)))
         mean = float(_value(self.document, path)) if "angle" in key else 0.0
         expected = change
         if key.endswith("friction_angle"):
@@ -298,8 +300,8 @@ class _Measurement:
             size = max(abs(expected), float(abs(before[mask]).max()) * _STEP)
             if np.any(abs(after[mask] - before[mask] - expected) > _EQUAL * size):
                 raise _unknown(path)
-            found.append((name, mask, key.endswith("friction_angle")))
-        return found
+            entries.append((name, mask, key.endswith("friction_angle")))
+        return entries
 
     def _rates(self, other: Assembly, change: float) -> list[tuple[Floats, Floats]]:
         """Return for each case the rates (n, q) of loads with a value, changed by `change`."""
@@ -321,8 +323,8 @@ class _Measurement:
             raise _unknown(path)
         if not size.each:
             return None
-        own = np.flatnonzero(np.any([mask for _, mask, _ in faces], axis=0) if faces else loaded)
-        return own if len(own) else None
+        used = np.flatnonzero(np.any([mask for _, mask, _ in faces], axis=0) if faces else loaded)
+        return used if len(used) else None
 
     def _owners(self, split: Ints, faces: bool) -> list[str]:
         """Return the names of faces or elements; several faces of a pair of elements are numbered."""
@@ -385,9 +387,9 @@ def _rate(after: Floats, before: Floats, change: float, digits: float = 1.0) -> 
 
 
 def _only(load: Floats, element: int) -> Floats:
-    found = np.zeros_like(load)
-    found[element] = load[element]
-    return found
+    part_of_load = np.zeros_like(load)
+    part_of_load[element] = load[element]
+    return part_of_load
 
 
 def _unknown(path: uncertain.Path) -> InputError:
@@ -401,9 +403,9 @@ def _unknown(path: uncertain.Path) -> InputError:
 def _copy(part: Any) -> Any:
     """Copy nested dicts and lists; lists of numbers are shared."""
     if isinstance(part, dict):
-        return {key: _copy(one) for key, one in part.items()}
+        return {key: _copy(entry) for key, entry in part.items()}
     if isinstance(part, list):
-        return [_copy(one) for one in part]
+        return [_copy(entry) for entry in part]
     return part
 
 
@@ -470,12 +472,12 @@ class SampleBounds:
         unit, asked = self.analyses[case].analysis.template.scaling.load, float(self.structure.assembly.required[case])
         strengths = self.structure.strengths(values) if self.structure.varies_in_strength else None
         enough = None if required is None else np.full(len(values), required * asked / unit)
-        found = self.analyses[case].solve(strengths, *self.structure.loads(values, case), enough)
-        low, high = found.low.copy(), found.high.copy()
+        bounds = self.analyses[case].solve(strengths, *self.structure.loads(values, case), enough)
+        low, high = bounds.low.copy(), bounds.high.copy()
         wrong = np.asarray(crossed(low, high)) | np.isnan(low) | np.isnan(high)
         low[wrong], high[wrong] = -np.inf, np.inf
-        low[found.verdict == batch_solver.FALLS] = high[found.verdict == batch_solver.FALLS] = -np.inf
-        low[found.verdict == batch_solver.LOCKED] = high[found.verdict == batch_solver.LOCKED] = np.inf
+        low[bounds.verdict == batch_solver.FALLS] = high[bounds.verdict == batch_solver.FALLS] = -np.inf
+        low[bounds.verdict == batch_solver.LOCKED] = high[bounds.verdict == batch_solver.LOCKED] = np.inf
         return unit / asked * low, unit / asked * high
 
     def proven(self, values: Floats) -> GoverningBounds:
@@ -486,10 +488,10 @@ class SampleBounds:
     def _proven(self, values: Floats) -> tuple[float, float]:
         """Return the bounds on the governing factor of one sample (v,)."""
         low = high = math.inf
-        for case, asked in enumerate(self.structure.assembly.required.tolist()):
+        for case, required in enumerate(self.structure.assembly.required.tolist()):
             analysis, proof = self.solved(values, case)
             least, most = bracket_of(analysis, proof)
-            low, high = min(low, least / asked), min(high, most / asked)
+            low, high = min(low, least / required), min(high, most / required)
         return low, high
 
     def solved(self, values: Floats, case: int) -> tuple[LimitAnalysis, Proof]:

@@ -45,8 +45,8 @@ class BlockSpace:
 @one_thread()
 def bound_blocks(block_space: bytes, program: BlockRequest) -> SolvedProgram:
     """Solve a block relaxation in this worker process, with the number of programs."""
-    made: BlockSpace = pickle.loads(block_space)
-    relaxation = made.relaxation()
+    unpacked: BlockSpace = pickle.loads(block_space)
+    relaxation = unpacked.relaxation()
     return relaxation.choose(*program), relaxation.solves
 
 
@@ -93,7 +93,6 @@ class BlockBoundPool:
 # first value applies with the batch solver, the second without it. The program takes 1 ms per side, eight of them in
 # the batch solver 0.25 ms, a relaxation of 60 faces there 0.04 ms and of 291 faces 0.3 ms.
 _RELAXATIONS: Final = (300.0, 15.0)
-
 _MOST_SIDES: Final = 100_000  # largest number of sides of blocks; the program of 74 000 sides takes 60 s and 1.2 GB
 
 # Largest number of sides for which this process solves the program. Such a program takes at most two seconds, as long
@@ -102,13 +101,9 @@ _SIDES_HERE: Final = 2000
 
 # Interval, s, at which the deadline is checked while another process solves the program
 _DEADLINE_CHECK_SECONDS: Final = 0.2
-
 _REMAINING_SHARE: Final = 0.9  # largest share of the blocks that may remain for another program
-
 _INCREASE: Final = 1e-3  # relative increase of the best known λ after which the programs are solved again
-
 _BACKOFF: Final = 4.0  # factor on the number of relaxations to wait for after each round
-
 _TIME_SHARE: Final = 0.5  # share of the remaining time that the programs may take
 
 
@@ -135,8 +130,8 @@ class BlockBoundTightening:
         usable = (
             wanted and blocks is not None and 0 < self._sides <= _MOST_SIDES and all(map(applies_to, context.analyses))
         )
-        waits = _RELAXATIONS[not context.relaxation.batched] / len(space.fixed)
-        self._next = waits * self._sides if usable else math.inf
+        relaxations_per_side = _RELAXATIONS[not context.relaxation.batched] / len(space.fixed)
+        self._next = relaxations_per_side * self._sides if usable else math.inf
         self._target: float | None = None
         self._proof: tuple[BlockEvidence, ...] = ()
         self.solves = 0
@@ -247,10 +242,10 @@ class BlockConflictCheck:
         of_blocks = [conflict for conflict in conflicts if conflict.evidence is Evidence.BLOCKS]
         if not of_blocks or self._context.blocks is None or time.perf_counter() >= end:
             return ""
-        known = self._context.relaxation.least_bound(self._context.labels, self._context.free)
-        if known is None:
+        bound_of_all = self._context.relaxation.least_bound(self._context.labels, self._context.free)
+        if bound_of_all is None:
             return ""
-        check = _BlockRefutation(self._context, self._context.blocks, known.bound, end)
+        check = _BlockRefutation(self._context, self._context.blocks, bound_of_all.bound, end)
         unfinished = []
         for k in np.random.default_rng(len(of_blocks)).permutation(len(of_blocks)).tolist():
             if time.perf_counter() >= end:
@@ -285,17 +280,17 @@ class _BlockRefutation:
         if possible is None or bound <= threshold:
             return True
         for evidence in conflict.by_blocks:
-            known = np.arange(len(self._blocks)) if evidence.blocks is None else evidence.blocks
+            listed = np.arange(len(self._blocks)) if evidence.blocks is None else evidence.blocks
             # a mechanism of some blocks says nothing about others
-            if possible[np.setdiff1d(np.arange(len(self._blocks)), known)].any():
+            if possible[np.setdiff1d(np.arange(len(self._blocks)), listed)].any():
                 return False
-            choice = self._relaxation(evidence.blocks).evaluate(evidence.mechanism, possible[known], threshold, bound)
+            choice = self._relaxation(evidence.blocks).evaluate(evidence.mechanism, possible[listed], threshold, bound)
             if choice.refuted:
                 return True
             bound = min(bound, choice.bound)
-            kept = possible.copy()
-            kept[known[choice.useless]] = False
-            possible = self._tables.propagated(kept)
+            remaining = possible.copy()
+            remaining[listed[choice.useless]] = False
+            possible = self._tables.propagated(remaining)
             if possible is None or bound <= threshold:
                 return True
         return False

@@ -111,8 +111,8 @@ class BlockTree:
     @property
     def bound(self) -> float:
         """Scaled λ that no open labelling exceeds; −inf if no node is open."""
-        known = -self._open[0][0] if self._open else -np.inf
-        return known if self._next is None else max(known, self._next.choice.bound)
+        bound = -self._open[0][0] if self._open else -np.inf
+        return bound if self._next is None else max(bound, self._next.choice.bound)
 
     @property
     def open_conflicts(self) -> list[Conflict]:
@@ -161,11 +161,11 @@ class BlockTree:
         chosen = np.flatnonzero(node.allowed & (node.choice.share > 0.5))
         inside_chosen = self._tables.inside[:, chosen].any(axis=1)
         cut = self._tables.separated_by[:, chosen].any(axis=1) & ~inside_chosen
-        known = np.isin(self._tables.faces, node.faces)
+        decided = np.isin(self._tables.faces, node.faces)
         faces = np.concatenate(
-            [node.faces, self._tables.faces[inside_chosen & ~known], self._tables.faces[cut & ~known]]
+            [node.faces, self._tables.faces[inside_chosen & ~decided], self._tables.faces[cut & ~decided]]
         )
-        inner, dry = int((inside_chosen & ~known).sum()), int((cut & ~known).sum())
+        inner, dry = int((inside_chosen & ~decided).sum()), int((cut & ~decided).sum())
         return faces, np.concatenate([node.labels, np.zeros(inner, dtype=bool), np.ones(dry, dtype=bool)])
 
     # --- deciding ---------------------------------------------------------------------------------------
@@ -185,9 +185,9 @@ class BlockTree:
 
     def _branch(self, branching: Branching) -> Branches | None:
         """Solve the children of a node for the faces to try; return None if time runs out first."""
-        known = self._solved_ahead.pop(id(branching.node), None)
-        if known is not None:
-            return known
+        solved_ahead = self._solved_ahead.pop(id(branching.node), None)
+        if solved_ahead is not None:
+            return solved_ahead
         faces = self._faces_to_try(branching.node, self._tables.undecided(branching.allowed))
         if self._relaxation.batched:
             if branching.time_is_up():
@@ -226,7 +226,7 @@ class BlockTree:
 
     def _next_branching(self, branching: Branching) -> list[tuple[Branching, list[int]]]:
         """Return the best other open node without known children, as branching and faces to try."""
-        for bound, _, node in sorted(self._open, key=lambda one: one[:2]):
+        for bound, _, node in sorted(self._open, key=lambda entry: entry[:2]):
             if id(node) in self._solved_ahead or -bound <= branching.threshold:
                 continue
             allowed = self._tables.propagated(node.allowed & ~node.choice.useless)
@@ -264,16 +264,16 @@ class BlockTree:
     ) -> list[FaceChildren]:
         """Pair children by face, given their relaxations (k,); add refuted ones to `conflicts`."""
         children: dict[tuple[int, bool], Node] = {}
-        for (place, child), choice in zip(waiting, choices, strict=True):
+        for (face_and_label, child), choice in zip(waiting, choices, strict=True):
             solved = child.solved(choice)
             if choice.refuted:
                 conflicts.append(solved.conflict(branching.threshold))
             else:
-                children[place] = solved
+                children[face_and_label] = solved
         return [FaceChildren(children.get((face, False)), children.get((face, True))) for face in faces]
 
     def _score(self, node: Node, tried: FaceChildren) -> float:
-        return float(np.prod([max(node.choice.bound - one.choice.bound, _LEAST_DECREASE) for one in tried.left]))
+        return float(np.prod([max(node.choice.bound - child.choice.bound, _LEAST_DECREASE) for child in tried.left]))
 
     def _with_forced_labels(
         self, branching: Branching, forced: list[list[Node]], conflicts: list[Conflict]
@@ -281,16 +281,16 @@ class BlockTree:
         """Decide each face that has one child left as in it; None if no labelling is left."""
         if not all(forced):
             return None
-        children = [one for (one,) in forced]
+        children = [child for (child,) in forced]
         if len(children) == 1:
             return children[0]
         faces = np.concatenate([branching.node.faces, *(child.faces[-1:] for child in children)])
         labels = np.concatenate([branching.node.labels, *(child.labels[-1:] for child in children)])
         new_proofs = [child.proof[len(branching.node.proof) :] for child in children]
-        proof = (*branching.node.proof, *(evidence for some in new_proofs for evidence in some))
+        proof = (*branching.node.proof, *(evidence for proof_of_child in new_proofs for evidence in proof_of_child))
         allowed = self._tables.propagated(np.logical_and.reduce([child.allowed for child in children]))
         if allowed is not None:
-            weakest = min(children, key=lambda one: one.choice.bound)
+            weakest = min(children, key=lambda child: child.choice.bound)
             share = np.where(allowed, weakest.choice.share, 0.0)
             return Node(faces, labels, allowed, replace(weakest.choice, share=share), proof)
         conflicts.append(Conflict(faces, labels, branching.threshold, Evidence.BLOCKS, by_blocks=proof))
@@ -314,8 +314,6 @@ _BLOCKS_PER_ELEMENT: Final = 4
 # Labellings left by the tree, but refuted by their own mechanism, that end the tree. The bounds of the tree are then
 # too inaccurate, as happens where strengths are a million times the forces.
 _MOST_INACCURATE: Final = 20
-
-
 _FIRST_INTERVAL: Final = 16  # programs of the tree before annealing runs for the first time; later intervals double
 _LONGEST_INTERVAL: Final = 256  # largest number of programs of the tree between two runs of annealing
 
@@ -358,11 +356,11 @@ class BlockSearch:
 
     def start_late(self, least: float, root: float) -> float:
         """Start the tree of many blocks once conflicts of faces have taken as long as a program; see `start`."""
-        blocks, known = self._context.blocks, self._bounds
-        if self._wanted == "off" or known is not None or blocks is None:
+        blocks, bounds = self._context.blocks, self._bounds
+        if self._wanted == "off" or bounds is not None or blocks is None:
             return root
-        bounds = BlockBoundPool(self._context, blocks)
-        return self._plant(blocks, least, root, bounds) if bounds.batched else root
+        new_bounds = BlockBoundPool(self._context, blocks)
+        return self._plant(blocks, least, root, new_bounds) if new_bounds.batched else root
 
     def _plant(self, blocks: PossibleBlocks, least: float, root: float, bounds: BlockBoundPool | None = None) -> float:
         """Solve the root, and keep its tree where that is wanted; return a bound, at most `root`."""

@@ -39,22 +39,20 @@ from jld_explore.verification.verify import Balances, Checker, Labellings
 # Relative amount by which the certified bound exceeds the bound of the search. It is a fifth of `tolerances.PROVEN`. It
 # covers the accuracy of the solver that computes mechanisms again, and their rounding.
 _SLACK: Final = 2e-7
-
 _DIGITS: Final = 44  # binary digits of the velocities of a certificate, below the largest velocity
 
 # Shares of a motion that opens all faces, relative, added to a mechanism in turn. Small shares suffice to keep a
 # mechanism admissible after rounding. Large ones are for solvers that stopped far from the bound.
 _OPENING_SHARES: Final = (0.0, *(10.0**-k for k in range(13, 2, -1)))
 _BLOCKS_OPEN: Final = (1e-11, 1e-9)  # the same for block mechanisms, which are admissible before they are rounded
-
 _REMEDY: Final = "a search whose proof has a certificate"
 
 
 def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None:
     """Raise InputError if the proof of a driver, model and scene cannot have a certificate."""
     search = driver.space.search
-    for key, given in (("assemble", search.assemble), ("require", search.require)):
-        if given is not None:
+    for key, value in (("assemble", search.assemble), ("require", search.require)):
+        if value is not None:
             raise ParameterError("certificate", f"it cannot express search.{key}", "a search without that")
     if driver.space.assembly.has_low_values:
         raise ParameterError(
@@ -77,14 +75,13 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
 def certify(
     driver: Exact, scene: Scene, path: Path, best: tuple[Bits, float] | None, bound: float | None = None
 ) -> None:
-    bound = max((one for one in (bound, driver.bound) if one is not None), default=None)
+    bound = max((value for value in (bound, driver.bound) if value is not None), default=None)
     if bound is None:
         raise ParameterError("certificate", "the search ended without any bound", _REMEDY)
     Certifier(scene, driver.space, bound).write(path, driver.state.conflicts, best)
 
 
 _RESIDUAL: Final = 1e-10  # residual asked of the solver, whose mechanisms are rounded to whole numbers
-
 _ROUNDED_UP: Final = 1.0 + 1e-9  # factor on a ceiling: more than it is rounded
 
 
@@ -131,7 +128,7 @@ class Certifier:
         self._take_hints(hints if root is None else ())
         proof = self._refutation()
         needed = set(proof.needed)
-        if any(isinstance(self._reasons[place], BlockMechanism) for place in needed):
+        if any(isinstance(self._reasons[number], BlockMechanism) for number in needed):
             needed.update(ceilings)
         reasons, lemmas = self._numbered(proof, needed)
         claim = self._claim
@@ -157,21 +154,21 @@ class Certifier:
             proof = refutation(self._clauses)
             if proof is None:
                 raise ArithmeticError("two satisfiability solvers disagree")
-            lacking = [place for place in proof.needed if place in self._hints]
-            certified = [self._certify_hint(place) for place in lacking]
+            hints_needed = [number for number in proof.needed if number in self._hints]
+            certified = [self._certify_hint(number) for number in hints_needed]
             if all(certified):
                 return proof
 
     def _numbered(self, proof: Refutation, needed: set[int]) -> tuple[list[Reason], list[Lemma]]:
         """Return reasons of needed clauses and lemmas of a refutation, with the numbers of lines of a certificate."""
         beginning = len(self._checker.labellings.beginning)
-        kept = sorted(place for place in needed if place >= beginning)
+        stated = sorted(number for number in needed if number >= beginning)
         # lines are numbered from 1: clauses that the checker states itself, those that are kept, lemmas
-        number = {place: place + 1 for place in range(beginning)}
-        number |= {place: beginning + 1 + k for k, place in enumerate(kept)}
-        number |= {len(self._clauses) + k: beginning + 1 + len(kept) + k for k in range(len(proof.lemmas))}
-        reasons = [reason for place in kept if (reason := self._reasons[place]) is not None]
-        return reasons, [Lemma(literals, tuple(number[name] for name in by)) for literals, by in proof.lemmas]
+        line_of = {number: number + 1 for number in range(beginning)}
+        line_of |= {number: beginning + 1 + k for k, number in enumerate(stated)}
+        line_of |= {len(self._clauses) + k: beginning + 1 + len(stated) + k for k in range(len(proof.lemmas))}
+        reasons = [reason for number in stated if (reason := self._reasons[number]) is not None]
+        return reasons, [Lemma(literals, tuple(line_of[k] for k in by)) for literals, by in proof.lemmas]
 
     # --- what is ruled out ------------------------------------------------------------------------------
 
@@ -190,21 +187,21 @@ class Certifier:
                 decided, labels = self._always_dry()
                 decided[image[hint.faces]], labels[image[hint.faces]] = True, hint.labels
                 clause = [face + 1 if labels[face] else -(face + 1) for face in np.flatnonzero(decided).tolist()]
-                place = self._add(clause, None)
-                self._hints[place] = decided, labels, hint.by_possible_blocks
+                number = self._add(clause, None)
+                self._hints[number] = decided, labels, hint.by_possible_blocks
 
     def _always_dry(self) -> tuple[Bits, Bits]:
         """Return the faces (m,) that every labelling has dry, as decided faces and as labels."""
         decided = self._space.candidates & ~self._free
         return decided, decided.copy()
 
-    def _certify_hint(self, place: int) -> bool:
+    def _certify_hint(self, number: int) -> bool:
         """Compute the mechanism of a hint, by its position; without one drop it and return False."""
-        decided, labels, by_blocks = self._hints.pop(place)
+        decided, labels, by_blocks = self._hints.pop(number)
         reason = (self._by_blocks(decided, labels) if by_blocks else None) or self._mechanism(decided, labels)
         if reason is None:
-            self._clauses[place] = [1, -1]  # a tautology replaces the dropped clause
-        self._reasons[place] = reason
+            self._clauses[number] = [1, -1]  # a tautology replaces the dropped clause
+        self._reasons[number] = reason
         return reason is not None
 
     def _exhaust(self) -> None:
@@ -292,9 +289,9 @@ class Certifier:
                 continue
             threshold = self.bound * float(self._space.assembly.required[case]) / unit
             most = float(ceiling) / unit * _ROUNDED_UP
-            for again in (False, True):  # by the batch solver, then more accurately
-                asked = allowed, threshold, most
-                choice = program.choose(*asked) if again else program.bound_all([asked])[0]
+            for accurately in (False, True):  # by the batch solver, then more accurately
+                program_data = allowed, threshold, most
+                choice = program.choose(*program_data) if accurately else program.bound_all([program_data])[0]
                 for mechanism in choice.mechanisms:
                     reason = self._rounded_blocks(case, program, mechanism, allowed, (decided, labels), blocks)
                     if reason is not None:
@@ -343,11 +340,11 @@ class Certifier:
         program: BlockRelaxation,
         mechanism: ScaledBlockMechanism,
         allowed: Bools,
-        stated: tuple[Bits, Bits],
+        partial_labelling: tuple[Bits, Bits],
         blocks: PossibleBlocks,
     ) -> BlockMechanism | None:
         """Round the mechanism of a block relaxation to whole numbers that the checker accepts, or None."""
-        decided, labels = stated[0] & self._space.candidates, stated[1]
+        decided, labels = partial_labelling[0] & self._space.candidates, partial_labelling[1]
         assembly, scaling, parts = program.template.assembly, program.template.scaling, program.parts
         free = assembly.elements.free.tolist()
         multipliers = mechanism.multipliers

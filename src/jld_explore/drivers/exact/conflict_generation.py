@@ -17,13 +17,9 @@ from jld_explore.drivers.exact.formula import EVERYTHING, Cube, Formula
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
 
 _WIDTHS: Final = (1, 2, 3)  # widths of windows in slabs, tried in this order
-
 _LEAST_SLABS: Final = 5  # least number of slabs of a structure for which windows are used
-
 _LEAST_SHARE: Final = 0.1  # share of labellings refuted in windows of one width below which that width is skipped
-
 _RETRY_INTERVAL: Final = 20  # A skipped width is still tried once in this number of times
-
 _DECAY: Final = 0.9  # weight of the earlier average when the share of refuted labellings is updated
 
 
@@ -42,13 +38,13 @@ def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
     count = round(float(len(free) * np.prod(size[axis] / size)) ** (1.0 / len(size)))
     if count < _LEAST_SLABS:
         return ()
-    place = np.full(len(elements), -1)
+    slab = np.full(len(elements), -1)
     along = (elements.centroid[free, axis] - low[axis]) / size[axis]
-    place[free] = np.clip((count * along).astype(int), 0, count - 1)
+    slab[free] = np.clip((count * along).astype(int), 0, count - 1)
     windows = []
     for width in _WIDTHS:
-        within = [(place >= first) & (place < first + width) for first in range(count - width + 1)]
-        windows.append(np.array([inside[faces.a] | inside[faces.b] for inside in within]))
+        members = [(slab >= first) & (slab < first + width) for first in range(count - width + 1)]
+        windows.append(np.array([inside[faces.a] | inside[faces.b] for inside in members]))
     return tuple(windows)
 
 
@@ -86,13 +82,13 @@ def conflict_of(
     """Find few labels, of those `decided`, that prevent a λ of a labelling (m,); None where it may reach it."""
     decided = candidates.copy() if decided is None else decided.copy()
 
-    def refutation(whole: bool = False) -> DualBound | None:
+    def refutation(complete: bool = False) -> DualBound | None:
         # A complete labelling that is not refuted needs an evaluation, so only then is the relaxation solved
         # thoroughly.
-        undecided, thorough = candidates & ~decided, np.array([whole])
+        undecided, thorough = candidates & ~decided, np.array([complete])
         return relaxation.refute_all(labels[None], undecided[None], np.array([threshold]), thorough)[0]
 
-    mechanism = refutation(whole=True)
+    mechanism = refutation(complete=True)
     if mechanism is None:
         return None
     tried: set[int] = set()
@@ -139,11 +135,8 @@ _NEIGHBOURS: Final = 3
 # Largest number of neighbours minimised per labelling in a window. Every window that refutes a labelling counts
 # separately.
 _WINDOW_NEIGHBOURS: Final = 1
-
 _TRIES: Final = 4  # single faces tried without success before a conflict is accepted as minimal
-
 _INNER_FIRST: Final = True  # try inner faces first when minimising a conflict (25 % fewer conflicts on weak walls)
-
 _DRY_PROBABILITY: Final = 0.3  # probability that a drawn labelling prefers a face dry; long blocks are hard to refute
 
 
@@ -221,13 +214,13 @@ class ConflictGenerator:
     def _minimize(self, drawn: Bits, threshold: float) -> list[MinimizedConflict]:
         """Minimise labellings (k, m) in the narrowest windows that refute them, else as a whole."""
         options, seed = self._options()
-        open_ones, conflicts = np.arange(len(drawn)), list[MinimizedConflict]()
+        open_rows, conflicts = np.arange(len(drawn)), list[MinimizedConflict]()
         in_window = replace(options, neighbours=min(options.neighbours, _WINDOW_NEIGHBOURS))
         for width, windows in enumerate(self._windows):
-            if not open_ones.size or not self._statistics.is_worthwhile(width):
+            if not open_rows.size or not self._statistics.is_worthwhile(width):
                 continue
             # every labelling in every window
-            labelling, outside = np.repeat(open_ones, len(windows)), np.tile(~windows, (len(open_ones), 1))
+            labelling, outside = np.repeat(open_rows, len(windows)), np.tile(~windows, (len(open_rows), 1))
             limits = np.full(len(labelling), threshold)
             minimized = self._relaxation.minimize_conflicts(
                 ConflictRequest(drawn[labelling], self._free, limits, outside, in_window, seed)
@@ -238,34 +231,34 @@ class ConflictGenerator:
                 if conflict.bound is not None
             ]
             conflicts += refuted
-            unrefuted = np.setdiff1d(open_ones, [conflict.labelling for conflict in refuted])
-            self._statistics.record(width, 1.0 - len(unrefuted) / len(open_ones))
-            open_ones = unrefuted
-        if open_ones.size:
-            limits = np.full(len(open_ones), threshold)
-            request = ConflictRequest(drawn[open_ones], self._free, limits, how=options, seed=seed)
-            whole = self._relaxation.minimize_conflicts(request)
-            conflicts += [replace(conflict, labelling=int(open_ones[conflict.labelling])) for conflict in whole]
+            unrefuted = np.setdiff1d(open_rows, [conflict.labelling for conflict in refuted])
+            self._statistics.record(width, 1.0 - len(unrefuted) / len(open_rows))
+            open_rows = unrefuted
+        if open_rows.size:
+            limits = np.full(len(open_rows), threshold)
+            request = ConflictRequest(drawn[open_rows], self._free, limits, how=options, seed=seed)
+            whole_layouts = self._relaxation.minimize_conflicts(request)
+            conflicts += [replace(conflict, labelling=int(open_rows[conflict.labelling])) for conflict in whole_layouts]
         return conflicts
 
     def _add_results(
         self, drawn: Bits, threshold: float, minimized: list[MinimizedConflict], batch: ConflictBatch
     ) -> None:
         """Add conflicts and unrefuted labellings of `drawn` (k, m); minimise open ones singly."""
-        open_ones = set(range(len(drawn)))
+        open_rows = set(range(len(drawn)))
         for result in minimized:
             labels = drawn[result.labelling]
             if result.bound is not None and result.velocity is not None:
                 faces, mechanism = np.flatnonzero(result.decided), Mechanism(result.case, result.velocity)
                 bound = min(result.bound, threshold)
                 self._add_conflict(Conflict(faces, labels[faces], bound, mechanism=mechanism), batch)
-                open_ones.discard(result.labelling)
+                open_rows.discard(result.labelling)
             elif result.drawn and result.carries:
                 batch.unrefuted.append(labels)
-                open_ones.discard(result.labelling)
+                open_rows.discard(result.labelling)
         # Labellings that the batch solver leaves open go to the conic solver, because otherwise each needs an
         # evaluation.
-        for number in sorted(open_ones):
+        for number in sorted(open_rows):
             self._minimize_one(drawn[number], threshold, batch)
 
     def _minimize_one(self, labels: Bits, threshold: float, batch: ConflictBatch) -> None:

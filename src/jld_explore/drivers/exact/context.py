@@ -55,10 +55,10 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
         return None
     must_join = ~space.candidates & ~space.fixed
     free = assembly.elements.free
-    place = np.full(len(assembly.elements), -1)
-    place[free] = np.arange(len(free))
+    row_of = np.full(len(assembly.elements), -1)
+    row_of[free] = np.arange(len(free))
     between_free = np.flatnonzero(~to_support)
-    ends = np.column_stack([place[a[between_free]], place[b[between_free]]])
+    ends = np.column_stack([row_of[a[between_free]], row_of[b[between_free]]])
     connected = _connected_sets(space, ends[may_join[between_free]])
     if connected is None:
         return None
@@ -66,10 +66,10 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
     for rows in np.array_split(connected, max(1, len(connected) // _ROWS)):
         checkpoint()
         first, second = rows[:, ends[:, 0]], rows[:, ends[:, 1]]
-        wrong = (first & second & ~may_join[between_free]).any(axis=1)
-        wrong |= ((first ^ second) & must_join[between_free]).any(axis=1)
-        wrong |= space.limits.too_small(_sizes(rows, space))
-        for row, links in zip(rows[~wrong], (first & second)[~wrong], strict=True):
+        impossible = (first & second & ~may_join[between_free]).any(axis=1)
+        impossible |= ((first ^ second) & must_join[between_free]).any(axis=1)
+        impossible |= space.limits.too_small(_sizes(rows, space))
+        for row, links in zip(rows[~impossible], (first & second)[~impossible], strict=True):
             block = free[row].tolist()
             if not space.limits.misshapen(block):
                 members.append(tuple(block))
@@ -113,20 +113,20 @@ def _connected_sets(space: SearchSpace, links: Ints) -> Bools | None:
 def _within_limits(sets: dict[int, int], space: SearchSpace) -> dict[int, int]:
     """Return the sets, keys as bits over the free elements, that exceed no upper limit on blocks."""
     limits, number = space.limits, len(space.assembly.elements.free)
-    kept: dict[int, int] = {}
+    within: dict[int, int] = {}
     items = iter(sets.items())
     while part := list(islice(items, _ROWS)):
         checkpoint()
-        large = limits.too_large(_sizes(_rows_of([block for block, _ in part], number), space))
-        kept.update(one for one, over in zip(part, np.broadcast_to(large, len(part)), strict=True) if not over)
-    return kept
+        above = limits.too_large(_sizes(_rows_of([block for block, _ in part], number), space))
+        within.update(entry for entry, large in zip(part, np.broadcast_to(above, len(part)), strict=True) if not large)
+    return within
 
 
-def _rows_of(sets: list[int], number: int) -> Bools:
-    """Return sets given as bits as rows (k, number), True = in the set."""
-    width = -(-number // 8)
-    packed = np.frombuffer(b"".join(one.to_bytes(width, "little") for one in sets), dtype=np.uint8)
-    rows = np.unpackbits(packed.reshape(len(sets), width), axis=1, count=number, bitorder="little")
+def _rows_of(sets: list[int], count: int) -> Bools:
+    """Return sets given as bits as rows (k, count), True = in the set."""
+    width = -(-count // 8)
+    packed = np.frombuffer(b"".join(bits.to_bytes(width, "little") for bits in sets), dtype=np.uint8)
+    rows = np.unpackbits(packed.reshape(len(sets), width), axis=1, count=count, bitorder="little")
     return rows.astype(bool)
 
 
@@ -156,9 +156,9 @@ class BlockTables:
     def agreeing(self, faces: Ints, labels: Bits) -> Bools:
         """Return (p,) True for the blocks that labels (k,) on faces (k,) admit."""
         label = dict(zip(faces.tolist(), labels.tolist(), strict=True))
-        known = np.isin(self.faces, faces)
+        labelled = np.isin(self.faces, faces)
         dry = np.array([label.get(face, False) for face in self.faces.tolist()], dtype=bool)
-        excluded = self.inside[known & dry].any(axis=0) | self.separated_by[known & ~dry].any(axis=0)
+        excluded = self.inside[labelled & dry].any(axis=0) | self.separated_by[labelled & ~dry].any(axis=0)
         return np.asarray(~excluded, dtype=bool)
 
     def propagated(self, allowed: Bools) -> Bools | None:
@@ -169,14 +169,14 @@ class BlockTables:
             number = covering.sum(axis=1)
             if not number.all():
                 return None
-            taken = covering[number == 1].any(axis=0)
-            times = self._covering[:, taken].sum(axis=1)
-            if (times > 1).any():
+            sole_blocks = covering[number == 1].any(axis=0)
+            covered_times = self._covering[:, sole_blocks].sum(axis=1)
+            if (covered_times > 1).any():
                 return None
-            kept = allowed & (taken | ~self._covering[times > 0].any(axis=0))
-            if (kept == allowed).all():
+            remaining = allowed & (sole_blocks | ~self._covering[covered_times > 0].any(axis=0))
+            if (remaining == allowed).all():
                 return allowed
-            allowed = kept
+            allowed = remaining
 
     def undecided(self, allowed: Bools) -> Ints:
         """Return the positions of faces inside some blocks left (p,) and on the edge of others."""
@@ -275,8 +275,8 @@ class ProofContext:
     @classmethod
     def unpacked(cls, content: bytes) -> ProofContext:
         """Make the context, with new analyses and relaxation, in a worker from the bytes of `packed`."""
-        given: tuple[SearchSpace, PossibleBlocks | None, Bools, int] = cloudpickle.loads(content)
-        space, blocks, free, seed = given
+        unpickled: tuple[SearchSpace, PossibleBlocks | None, Bools, int] = cloudpickle.loads(content)
+        space, blocks, free, seed = unpickled
         analyses = tuple(LimitAnalysis(case) for case in space.assembly.by_case)
         relaxation = relaxation_of(space.assembly, analyses)
         if relaxation is None:
@@ -359,17 +359,17 @@ class Heuristics:
     def start(self) -> Iterator[Bits]:
         """Yield labellings (k, m) of the driver that begins, until none is due."""
         while self._starter is not None and self._starter_due > 0:
-            found = self._starter.ask(self._limit_count(self._starter_due))
-            self._starter_due -= len(found) or self._starter_due
-            yield found
+            labellings = self._starter.ask(self._limit_count(self._starter_due))
+            self._starter_due -= len(labellings) or self._starter_due
+            yield labellings
         self._starter = None
 
     def run(self) -> Iterator[Bits]:
         """Yield labellings (k, m) of the usual driver, until none is due."""
         while self.due > 0:
-            found = self.driver.ask(self._limit_count(self.due))
-            self.due -= len(found) or self.due
-            yield found
+            labellings = self.driver.ask(self._limit_count(self.due))
+            self.due -= len(labellings) or self.due
+            yield labellings
 
     def _limit_count(self, due: int) -> int:
         """Return the number of labellings to ask for, if `due` are due."""

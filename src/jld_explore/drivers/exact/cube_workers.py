@@ -121,18 +121,13 @@ def run_task(task: Task) -> TaskResult:
 # Time, s, that a worker spends on a cube per task.
 # Sending a task takes 1 % of this time. The conflicts that a worker knows are at most this old.
 TASK_SECONDS: Final = 0.3
-
 _TASKS_PER_WORKER: Final = 2  # tasks that a worker holds at a time: one in progress and one to continue with at once
-
 _CUBES_PER_WORKER: Final = 2  # least number of cubes per worker, counting assigned ones, while any cube can be split
 
 # Tasks on one cube after which the cube is split in any case. Parts of the cube may then be closed and saved.
 _TASKS_PER_CUBE: Final = 20
-
 _SCORE_DECAY: Final = 0.999  # decay of the face scores per conflict, so that recent conflicts count most
-
 _LARGEST_SCORE: Final = 1e100  # score at which all are scaled down, long before numbers overflow
-
 _WAIT_SECONDS: Final = 0.1  # longest time, s, that this process waits for workers before the next deadline check
 
 
@@ -218,9 +213,9 @@ class CubeWorkers:
             return
         for worker in self._pool.fill():
             self._reclaim_cubes(worker)
-        for held in range(_TASKS_PER_WORKER):
+        for most_held in range(_TASKS_PER_WORKER):
             tasks_held = Counter(cube.worker.name for cube in self._assigned.values())
-            for worker in [worker for worker in self._pool if tasks_held[worker.name] <= held]:
+            for worker in [worker for worker in self._pool if tasks_held[worker.name] <= most_held]:
                 self._split_cubes()
                 if not self._cubes:
                     return
@@ -239,17 +234,17 @@ class CubeWorkers:
     def _split_cubes(self) -> None:
         if self._formula is None:
             return
-        cubes_wanted = _CUBES_PER_WORKER * max(len(self._pool), 1) - len(self._assigned)
-        while len(self._cubes) < cubes_wanted:
+        cubes_needed = _CUBES_PER_WORKER * max(len(self._pool), 1) - len(self._assigned)
+        while len(self._cubes) < cubes_needed:
             # An untried cube may be closed quickly and is not split, except the whole space, which is never closed
             # quickly.
-            place = next(
+            index = next(
                 (k for k, (cube, tasks_done) in enumerate(self._cubes) if tasks_done or cube == EVERYTHING), None
             )
-            if place is None:
+            if index is None:
                 return
-            cube, _ = self._cubes[place]
-            del self._cubes[place]
+            cube, _ = self._cubes[index]
+            del self._cubes[index]
             self._cubes.extend((part, 0) for part in split_cube(cube, self._formula, self._face_scores))
 
     def _assign(self, worker: Pool, cube: Cube, tasks_done: int) -> None:
@@ -349,7 +344,7 @@ class CubeWorkers:
             self._score_increment = 1.0
 
 
-def delay_point(place: str) -> None:
+def delay_point(name: str) -> None:
     """Do nothing; tests replace this function to delay threads where they interact."""
 
 
@@ -475,7 +470,6 @@ SOLO_RELAXATIONS: Final = (8000, 1000)
 # Largest number of threads that generate conflicts in this process. A third thread draws labellings that are mostly
 # refuted for the same reasons at the same time.
 _THREADS: Final = 2
-
 _CLOSING_SECONDS: Final = 0.5  # time, s, for which results of the workers are still accepted at the end
 
 

@@ -117,8 +117,8 @@ class ProvingDriver(Driver):
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
         """Return the cost of the proof and the result of its check."""
-        found: dict[str, Any] = {"conflicts": self.conflicts, "relaxations": self.relaxations}
-        return found if self._proof_check is None else {**found, "proof_check": self._proof_check.to_dict()}
+        facts: dict[str, Any] = {"conflicts": self.conflicts, "relaxations": self.relaxations}
+        return facts if self._proof_check is None else {**facts, "proof_check": self._proof_check.to_dict()}
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         # The search stops early enough to evaluate the labellings found last.
@@ -203,14 +203,14 @@ class ConflictDriver(ProvingDriver):
 
     @property
     def relaxations(self) -> int:
-        here = 0 if self._context is None else self._context.relaxation.solves
-        return here + (0 if self._sources is None else self._sources.solves)
+        in_process = 0 if self._context is None else self._context.relaxation.solves
+        return in_process + (0 if self._sources is None else self._sources.solves)
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
         # Where every symmetry class has an evaluation, nothing was inferred about labellings without one.
-        found = super().facts(results, complete)
-        whole = self._enumeration is not None and complete
-        return {"proof_check": ProofCheck("", 0.0).to_dict(), **found} if whole else found
+        facts = super().facts(results, complete)
+        enumerated = self._enumeration is not None and complete
+        return {"proof_check": ProofCheck("", 0.0).to_dict(), **facts} if enumerated else facts
 
     def _restart(self) -> None:
         self._begin_again(self._state.clear)
@@ -272,10 +272,10 @@ class ConflictDriver(ProvingDriver):
             self._waiting = labellings
         if self._nothing_proposed and not len(self._waiting) and not self._state.has_evaluations:
             self._waiting = self._heuristics.driver.ask(1)  # even after the deadline, so that the study has one result
-        given = self._waiting[:limit]
-        self._waiting = self._waiting[len(given) :]
-        self._nothing_proposed &= not len(given)
-        if not len(given) and not self.working and self._proof_check is None and not self._given_up:
+        proposed = self._waiting[:limit]
+        self._waiting = self._waiting[len(proposed) :]
+        self._nothing_proposed &= not len(proposed)
+        if not len(proposed) and not self.working and self._proof_check is None and not self._given_up:
             check = self._checked()
             goes_on = self._take_up(check)
             self._note_check(check, goes_on=goes_on)
@@ -283,7 +283,7 @@ class ConflictDriver(ProvingDriver):
                 self._steps = self._search()
                 return self.ask(limit)
             self._proof_check = check
-        return given
+        return proposed
 
     def _next_labellings(self) -> Bits | None:
         """Continue the search; return labellings (k, m), maybe none, or None at its end."""
@@ -364,11 +364,11 @@ class ConflictDriver(ProvingDriver):
 
     def _bound_at_root(self) -> float:
         """Bound λ, scene units, of all labellings by one relaxation of all free faces; inf without one."""
-        found = self.context.relaxation.least_bound(self.context.labels, self.context.free)
-        if found is None:
+        bound = self.context.relaxation.least_bound(self.context.labels, self.context.free)
+        if bound is None:
             return math.inf
-        self._bound_all(found.bound, Mechanism(found.case, found.velocity))
-        return found.bound * self._scale
+        self._bound_all(bound.bound, Mechanism(bound.case, bound.velocity))
+        return bound.bound * self._scale
 
     def _check_proof(self, claims: Sequence[Claim], problem: str, evaluated: tuple[Bits, Floats]) -> ProofCheck:
         seconds = time.perf_counter() - self._started_at
@@ -379,7 +379,6 @@ class ConflictDriver(ProvingDriver):
 # Conflicts before the bound is lowered in smaller steps, with and without batch solver. Finding so many conflicts takes
 # a few seconds.
 _CONFLICTS_PER_STEP: Final = (6000, 500)
-
 _STRONGEST_COMPARED: Final = 300  # number of the strongest labellings compared with all conflicts at the end of a proof
 
 
@@ -458,15 +457,15 @@ class Exact(ConflictDriver):
         return [] if self._given_up else self._targets.left
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        found = super().facts(results, complete)
-        asked = self.space.search.front
-        if self.aim == "front" and not asked.counts:
+        facts = super().facts(results, complete)
+        axes = self.space.search.front
+        if self.aim == "front" and not axes.counts:
             enumerated = self._enumeration is not None
-            rows = front_of_all(results, asked.count, complete) if enumerated else front(self.found.values())
+            rows = front_of_all(results, axes.count, complete) if enumerated else front(self.found.values())
             if self.proof_check is not None and not self.proof_check.passed and not self.proof_check.holds:
                 rows = [{**row, "bound": None, "proven": False} for row in rows]
-            found["front"] = rows
-        return found
+            facts["front"] = rows
+        return facts
 
     def _restart(self) -> None:
         """Forget all conflicts and bounds and start the proof again."""
@@ -673,8 +672,8 @@ class MinimumCount(ConflictDriver):
     @property
     def best(self) -> float | None:
         """Best count of a labelling that meets the requirement; None if none is known."""
-        found = [count for met, _, count in self._evaluated.values() if met]
-        return (min(found) if self._minimize else max(found)) if found else None
+        counts = [count for met, _, count in self._evaluated.values() if met]
+        return (min(counts) if self._minimize else max(counts)) if counts else None
 
     @property
     def _open_labelling_left(self) -> bool:
@@ -723,8 +722,8 @@ class MinimumCount(ConflictDriver):
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Record for each labelling whether it meets, or may meet, the requirement, and its count."""
         count = values_of(self._count, self.space.assembly, labellings, self.space.graph)
-        for labels, found, value in zip(labellings, evaluations, count.tolist(), strict=True):
-            state = meets_requirement(self.space, found), may_meet_requirement(self.space, found), float(value)
+        for labels, result, value in zip(labellings, evaluations, count.tolist(), strict=True):
+            state = (meets_requirement(self.space, result), may_meet_requirement(self.space, result), float(value))
             self._evaluated[np.packbits(labels).tobytes()] = state
 
     @property

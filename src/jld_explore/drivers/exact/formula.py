@@ -35,46 +35,46 @@ class AssumptionLiterals:
         self._levels: list[float] = []
         self._literals: list[int] = []
         self._waiting: list[list[tuple[float, Pairs]]] = [[]]
-        self._known: dict[Pairs, float] = {}
+        self._least_bounds: dict[Pairs, float] = {}
         self.threshold = -math.inf  # scaled λ that labellings must exceed at present
         self.assumed: list[int] = []  # in every call of the solver
 
     def forbid_above(self, pairs: Pairs, bound: float) -> None:
         """Forbid labels at every level not below a bound (scaled λ); −inf forbids them always."""
         # A call has no effect where the same labels are forbidden under the same or a lower bound already.
-        if self._known.get(pairs, math.inf) <= bound:
+        if self._least_bounds.get(pairs, math.inf) <= bound:
             return
-        self._known[pairs] = bound
+        self._least_bounds[pairs] = bound
         if bound == -math.inf:
             self._rule_out(pairs, ())
             return
-        place = bisect_left(self._levels, bound)
-        self._waiting[place].append((bound, pairs))
-        if place < len(self._levels):
-            self._rule_out(pairs, (-self._literals[place],))
+        index = bisect_left(self._levels, bound)
+        self._waiting[index].append((bound, pairs))
+        if index < len(self._levels):
+            self._rule_out(pairs, (-self._literals[index],))
 
     def aim(self, threshold: float) -> None:
         """Set the scaled λ that labellings must exceed, and update `assumed`."""
         self.threshold = threshold
-        place = bisect_left(self._levels, threshold)
-        if place == len(self._levels) or self._levels[place] != threshold:
-            self._insert(place, threshold)
-        above = [-self._literals[place + 1]] if place + 1 < len(self._literals) else []
-        self.assumed = [self._literals[place], *above]
+        index = bisect_left(self._levels, threshold)
+        if index == len(self._levels) or self._levels[index] != threshold:
+            self._insert(index, threshold)
+        above = [-self._literals[index + 1]] if index + 1 < len(self._literals) else []
+        self.assumed = [self._literals[index], *above]
 
-    def _insert(self, place: int, level: float) -> None:
+    def _insert(self, index: int, level: float) -> None:
         """Insert a level, order its literal between its neighbours and add its clauses."""
         literal = self._new()
-        if place > 0:
-            self._rule_out((), (-literal, self._literals[place - 1]))
-        if place < len(self._literals):
-            self._rule_out((), (-self._literals[place], literal))
-        above_previous = self._waiting[place]
-        holding = [one for one in above_previous if one[0] <= level]
-        self._levels.insert(place, level)
-        self._literals.insert(place, literal)
-        self._waiting.insert(place, holding)
-        self._waiting[place + 1] = [one for one in above_previous if one[0] > level]
+        if index > 0:
+            self._rule_out((), (-literal, self._literals[index - 1]))
+        if index < len(self._literals):
+            self._rule_out((), (-self._literals[index], literal))
+        above_previous = self._waiting[index]
+        holding = [entry for entry in above_previous if entry[0] <= level]
+        self._levels.insert(index, level)
+        self._literals.insert(index, literal)
+        self._waiting.insert(index, holding)
+        self._waiting[index + 1] = [entry for entry in above_previous if entry[0] > level]
         for _, pairs in holding:
             self._rule_out(pairs, (-literal,))
 
@@ -90,10 +90,10 @@ class UnaryCounter:
         self._digits: list[list[int]] = []
         for chosen in (list(literals), [-literal for literal in literals]):
             if chosen:
-                with ITotalizer(chosen, ubound=len(chosen), top_id=top) as made:
-                    top = max(top, made.top_id)
-                    self.clauses += made.cnf.clauses
-                    self._digits.append(list(made.rhs))
+                with ITotalizer(chosen, ubound=len(chosen), top_id=top) as totalizer:
+                    top = max(top, totalizer.top_id)
+                    self.clauses += totalizer.cnf.clauses
+                    self._digits.append(list(totalizer.rhs))
         self.top = top  # largest variable in use
 
     def within(self, bounds: Range) -> list[int]:
@@ -122,7 +122,7 @@ class InnerPaths:
 
     def path(self, labels: Bits, start: int, end: int) -> list[int]:
         """Return the inner faces of labels (m,) on a shortest path between two elements of one block."""
-        previous = self._reach(labels, start, lambda seen: end in seen)
+        previous = self._reach(labels, start, lambda visited: end in visited)
         path, element = [], end
         while element != start:
             element, face = previous[element]
@@ -136,8 +136,8 @@ class InnerPaths:
         previous = self._reach(labels, start, lambda seen: bool(limits.too_large(limits.sized.one(seen & self._free))))
         return [face for _, face in previous.values() if face >= 0]
 
-    def _reach(self, labels: Bits, start: int, found: Callable[[set[int]], bool]) -> dict[int, tuple[int, int]]:
-        """Search breadth first from element `start` until `found` or to the end; return the tree."""
+    def _reach(self, labels: Bits, start: int, reached: Callable[[set[int]], bool]) -> dict[int, tuple[int, int]]:
+        """Search breadth first from element `start` until `reached` or to the end; return the tree."""
         # Steps go through inner faces of `labels` (m,) and contacts without a face.
         previous = {start: (start, -1)}
         waiting = deque([start])
@@ -147,7 +147,7 @@ class InnerPaths:
                 if other not in previous and (face < 0 or not labels[face]):
                     previous[other] = (element, face)
                     waiting.append(other)
-                    if found(set(previous)):
+                    if reached(set(previous)):
                         return previous
         return previous
 
@@ -155,7 +155,6 @@ class InnerPaths:
 # Satisfiability solver of the search. It accepts new preferred labels before every call, and releases the interpreter
 # lock while it solves.
 _SOLVER: Final = "minisat22"
-
 
 # Conflicts of the satisfiability solver between two checks of the deadline, about 0.2 s
 _CONFLICTS_PER_CHECK: Final = 10_000
@@ -221,9 +220,9 @@ class Formula:
         """Count the literals that unit propagation derives from labels (k,) on faces (k,); None: contradiction."""
         assumed = self._assumed
         assumptions = self._face_literals(faces, labels)
-        _, known = self._solver.propagate(assumptions=assumed)
-        possible, found = self._solver.propagate(assumptions=assumed + assumptions)
-        return len(found) - len(known) - len(assumptions) if possible else None
+        _, propagated = self._solver.propagate(assumptions=assumed)
+        possible, propagated_further = self._solver.propagate(assumptions=assumed + assumptions)
+        return len(propagated_further) - len(propagated) - len(assumptions) if possible else None
 
     def next(
         self, faces: Iterable[int] = (), labels: Iterable[bool] = (), preferred: Bits | None = None
@@ -242,8 +241,8 @@ class Formula:
             broken = ([] if self.blocks is not None else self._broken_rules(labels)) or self._assembly_locks(labels)
             if not broken:
                 return labels
-            for place, its_labels in broken:
-                self.forbid(place, its_labels)
+            for faces_of_rule, labels_of_rule in broken:
+                self.forbid(faces_of_rule, labels_of_rule)
         return None
 
     def _solve(self, assumptions: list[int]) -> bool:
@@ -458,9 +457,9 @@ def split_cube(cube: Cube, formula: Formula, weight: Floats) -> Iterator[Cube]:
     """
     # The best face has the largest product of numbers of literals that unit propagation derives from each label. If
     # propagation refutes a part, only the other part follows, or none. A cube without a further face is its only part.
-    taken = set(cube.faces)
+    decided = set(cube.faces)
     order = np.argsort(-weight, kind="stable").tolist()
-    faces = [face for face in order if formula.space.candidates[face] and face not in taken][:_LOOKED_AT]
+    faces = [face for face in order if formula.space.candidates[face] and face not in decided][:_LOOKED_AT]
     best, best_score = None, -1
     for face in faces:
         parts = [cube.and_face(face, dry=dry) for dry in (True, False)]

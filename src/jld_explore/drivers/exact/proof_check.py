@@ -37,9 +37,7 @@ _BOUND_TOLERANCE: Final = 1e-9
 # Share of the time of the proof allowed for refuting conflicts again. Only conflicts whose mechanism is no longer in
 # memory are refuted again.
 _REFUTATION_SHARE: Final = 0.03
-
 _REFUTATION_SECONDS: Final = 0.2  # time, s, that is allowed for refuting such conflicts again in any case
-
 _MECHANISMS_PER_CALL: Final = 256  # number of mechanisms evaluated in one call
 
 # Relative rounding error of a load factor that was scaled and scaled back
@@ -71,9 +69,9 @@ class ProofCheck:
         return not self.problem
 
     def to_dict(self) -> dict[str, Any]:
-        found: dict[str, Any] = {"passed": self.passed, "seconds": self.seconds}
-        found |= {"conflicts": self.conflicts, "weighed": self.weighed}
-        return found if self.passed else {**found, "problem": self.problem}
+        facts: dict[str, Any] = {"passed": self.passed, "seconds": self.seconds}
+        facts |= {"conflicts": self.conflicts, "weighed": self.weighed}
+        return facts if self.passed else {**facts, "problem": self.problem}
 
 
 def check_proof(
@@ -100,24 +98,24 @@ def check_proof(
     conflict_check.weigh(used)
     conflict_check.refute_again(used, end)
     better = conflict_check.corrected  # one that no claim rests on is no problem
-    conflicts_left = [better.get(one.key, one) for one in used]
-    raised = [_raise_claim(claim, used, conflicts_left) for claim in claims] if better else list(claims)
+    corrected_conflicts = [better.get(conflict.key, conflict) for conflict in used]
+    raised = [_raise_claim(claim, used, corrected_conflicts) for claim in claims] if better else list(claims)
     problem = (
-        _find_contradiction(conflicts_left, context.space, *evaluated)
-        or block_check.refute_again(conflicts_left, end)
-        or _find_open_labelling(context.space, context.blocks, conflicts_left, state, raised)
+        _find_contradiction(corrected_conflicts, context.space, *evaluated)
+        or block_check.refute_again(corrected_conflicts, end)
+        or _find_open_labelling(context.space, context.blocks, corrected_conflicts, state, raised)
     )
     holds = () if problem or not better else tuple(raised)
-    higher = any(one.threshold > claim.threshold for one, claim in zip(raised, claims, strict=True))
+    higher = any(raised_claim.threshold > claim.threshold for raised_claim, claim in zip(raised, claims, strict=True))
     problem = problem or (conflict_check.problem if higher else "")
-    done = conflict_check.done + block_check.done
-    return ProofCheck(problem, time.perf_counter() - start, len(used), done, tuple(better.values()), holds)
+    weighed = conflict_check.done + block_check.done
+    return ProofCheck(problem, time.perf_counter() - start, len(used), weighed, tuple(better.values()), holds)
 
 
-def _raise_claim(claim: Claim, used: Sequence[Conflict], left: Sequence[Conflict]) -> Claim:
-    """Return a claim raised to the largest bound of the conflicts `used` for it, as corrected in `left`."""
+def _raise_claim(claim: Claim, used: Sequence[Conflict], corrected: Sequence[Conflict]) -> Claim:
+    """Return a claim raised to the largest bound of the conflicts `used` for it, as corrected."""
     highest = _with_scaling_error(claim.threshold)
-    bounds = [new.bound for old, new in zip(used, left, strict=True) if old.bound <= highest < new.bound]
+    bounds = [new.bound for old, new in zip(used, corrected, strict=True) if old.bound <= highest < new.bound]
     return replace(claim, threshold=max([claim.threshold, *bounds]))
 
 
@@ -163,20 +161,18 @@ class _ConflictCheck:
     def refute_again(self, conflicts: Sequence[Conflict], end: float) -> None:
         """Refute conflicts without a mechanism again, in random order, until a time."""
         lacking = [
-            refutation
-            for refutation in conflicts
-            if refutation.mechanism is None and refutation.evidence is Evidence.MECHANISM
+            conflict for conflict in conflicts if conflict.mechanism is None and conflict.evidence is Evidence.MECHANISM
         ]
         order = np.random.default_rng(len(lacking)).permutation(len(lacking))
         for part in _parts([lacking[k] for k in order.tolist()]):
             if time.perf_counter() >= end:
                 break
-            claimed = np.array([refutation.bound for refutation in part])
+            claimed = np.array([conflict.bound for conflict in part])
             tolerance = tolerances.PROVEN * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
             thresholds = np.where(np.isfinite(claimed), claimed, 0.0) + tolerance
             refutations = self._relaxation.refute_all(*self._partial(part), thresholds)
-            for k, refutation in enumerate(refutations):
-                if refutation is None:
+            for k, conflict in enumerate(refutations):
+                if conflict is None:
                     problem = f"a conflict on record that was to keep λ at {claimed[k]:.9g} is not refuted (scaled)"
                     self._correct(part[k], math.inf, problem)
             self.done += len(part)
@@ -185,9 +181,9 @@ class _ConflictCheck:
         """Return labels (k, m), True = dry, and undecided faces (k, m) of k conflicts."""
         labels = np.tile(self._labels, (len(conflicts), 1))
         undecided = np.tile(self._free, (len(conflicts), 1))
-        for k, one in enumerate(conflicts):
-            labels[k, one.faces] = one.labels
-            undecided[k, one.faces] = False
+        for k, conflict in enumerate(conflicts):
+            labels[k, conflict.faces] = conflict.labels
+            undecided[k, conflict.faces] = False
         return labels, undecided
 
 
@@ -293,14 +289,14 @@ def refutation(clauses: Sequence[Sequence[int]]) -> Refutation | None:
 def _trim(count: int, lemmas: list[tuple[int, ...]], reasons: list[tuple[int, ...]]) -> Refutation:
     """Return the refutation with only the clauses and lemmas that the last lemma needs."""
     used = {count + len(lemmas) - 1}
-    for place in range(len(lemmas) - 1, -1, -1):
-        if count + place in used:
-            used.update(reasons[place])
-    kept = [place for place in range(len(lemmas)) if count + place in used]
-    number = {count + place: count + k for k, place in enumerate(kept)}
+    for lemma in range(len(lemmas) - 1, -1, -1):
+        if count + lemma in used:
+            used.update(reasons[lemma])
+    needed = [lemma for lemma in range(len(lemmas)) if count + lemma in used]
+    new_number = {count + lemma: count + k for k, lemma in enumerate(needed)}
     return Refutation(
-        tuple(sorted(name for name in used if name < count)),
-        tuple((lemmas[place], tuple(number.get(name, name) for name in reasons[place])) for place in kept),
+        tuple(sorted(number for number in used if number < count)),
+        tuple((lemmas[lemma], tuple(new_number.get(number, number) for number in reasons[lemma])) for lemma in needed),
     )
 
 
@@ -368,48 +364,48 @@ class _Propagation:
         while self._head < len(trail):
             false = -trail[self._head]
             self._head += 1
-            watching = self._watches.get(false)
-            if not watching:
+            watchers = self._watches.get(false)
+            if not watchers:
                 continue
-            kept: list[int] = []  # clauses that go on watching the false literal
-            for place, name in enumerate(watching):
+            still_watching: list[int] = []  # clauses that go on watching the false literal
+            for index, number in enumerate(watchers):
                 # the watched literals are the first two; the false one comes second
-                clause = clauses[name]
+                clause = clauses[number]
                 if clause[0] == false:
                     clause[0], clause[1] = clause[1], clause[0]
                 first = clause[0]
                 if first in reason:
-                    kept.append(name)
+                    still_watching.append(number)
                     continue
                 for k in range(2, len(clause)):
                     if -clause[k] not in reason:
                         clause[1], clause[k] = clause[k], false
-                        self._watches.setdefault(clause[1], []).append(name)
+                        self._watches.setdefault(clause[1], []).append(number)
                         break
                 else:
-                    kept.append(name)
+                    still_watching.append(number)
                     if -first in reason:
-                        self._watches[false] = kept + watching[place + 1 :]
-                        return name
-                    reason[first] = name
+                        self._watches[false] = still_watching + watchers[index + 1 :]
+                        return number
+                    reason[first] = number
                     trail.append(first)
-            self._watches[false] = kept
+            self._watches[false] = still_watching
         return None
 
     def _why(self, conflict: int) -> tuple[int, ...]:
         """Return the clauses that imply a false clause, each after those it needs; it is last."""
-        place = {literal: k for k, literal in enumerate(self._trail)}
-        seen = {conflict}
+        position = {literal: k for k, literal in enumerate(self._trail)}
+        reached = {conflict}
         needed: list[tuple[int, int]] = []
         pending = [conflict]
         while pending:
             for literal in self._clauses[pending.pop()]:
-                name = self._reason.get(-literal, -1)
-                if name >= 0 and name not in seen:
-                    seen.add(name)
-                    needed.append((place[-literal], name))
-                    pending.append(name)
-        return (*(name for _, name in sorted(needed)), conflict)
+                number = self._reason.get(-literal, -1)
+                if number >= 0 and number not in reached:
+                    reached.add(number)
+                    needed.append((position[-literal], number))
+                    pending.append(number)
+        return (*(number for _, number in sorted(needed)), conflict)
 
 
 class Incumbents:
@@ -489,11 +485,11 @@ class Best:
 
 
 def claims_of(
-    found: Iterable[Best], incumbents: Incumbents, scale: float, load_scale: float
+    targets: Iterable[Best], incumbents: Incumbents, scale: float, load_scale: float
 ) -> tuple[list[Claim], str]:
     """Return the claims of a proof, and the first contradiction to a λ found ("" for none)."""
     claims, problem = [], ""
-    for best in found:
+    for best in targets:
         # if no labelling stands none exceeds zero
         claims.append(Claim(best.count, (0.0 if best.bound == -math.inf else best.bound) / scale))
         low = incumbents.best(best.count)
@@ -504,16 +500,16 @@ def claims_of(
     return claims, problem
 
 
-def front(found: Iterable[Best]) -> list[dict[str, Any]]:
+def front(targets: Iterable[Best]) -> list[dict[str, Any]]:
     """Return the rows of the proven front: count, load_factor, bound and proven."""
     # Counts for which no labelling stands are left out.
     rows: list[dict[str, Any]] = []
-    for best in found:
+    for best in targets:
         if best.count is None or (math.isnan(best.load_factor) and best.bound == -math.inf):
             continue
-        known = None if math.isnan(best.load_factor) else best.load_factor
+        load_factor = None if math.isnan(best.load_factor) else best.load_factor
         bound = best.bound if math.isfinite(best.bound) else None
-        rows.append({"count": best.count, "load_factor": known, "bound": bound, "proven": best.proven})
+        rows.append({"count": best.count, "load_factor": load_factor, "bound": bound, "proven": best.proven})
     return sorted(rows, key=lambda row: int(row["count"]))
 
 
@@ -539,7 +535,7 @@ def counts_of(space: SearchSpace, count: Count) -> list[int]:
     if count.terms is None:
         raise ValueError(f"{count.name} is no sum of binary terms")
     greatest = count.terms(space.assembly).most(space.assembly)
-    bounds = next((bounds for one, bounds in space.limits.on_counts if one is count), None)
+    bounds = next((bounds for limited, bounds in space.limits.on_counts if limited is count), None)
     if bounds is None:
         return list(range(greatest + 1))
     return list(range(int(bounds.low or 0), (greatest if bounds.high is None else min(int(bounds.high), greatest)) + 1))
@@ -551,9 +547,9 @@ _INCREASE: Final = 0.5 * tolerances.PROVEN
 
 
 def front_count(space: SearchSpace) -> Count | None:
-    asked = space.search.front
-    count = count_named(asked.count)
-    return None if asked.counts or count.terms is None else count
+    axes = space.search.front
+    count = count_named(axes.count)
+    return None if axes.counts or count.terms is None else count
 
 
 class Targets:

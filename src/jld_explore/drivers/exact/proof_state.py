@@ -87,13 +87,13 @@ class LeastBounds:
     """Least known bound of each conflict, by which conflicts without news are left out."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[bytes, bytes], float] = {}
+        self._bounds: dict[tuple[bytes, bytes], float] = {}
 
     def lowered(self, conflict: Conflict, threshold: float = -math.inf) -> bool:
         """Record a conflict; return True if it refutes more than is known above a threshold."""
-        if self._known.get(conflict.key, math.inf) <= max(conflict.bound, threshold):
+        if self._bounds.get(conflict.key, math.inf) <= max(conflict.bound, threshold):
             return False
-        self._known[conflict.key] = conflict.bound
+        self._bounds[conflict.key] = conflict.bound
         return True
 
 
@@ -102,7 +102,7 @@ class Conflicts:
 
     def __init__(self, faces: int) -> None:
         self._faces = faces
-        self._known: list[Conflict] = []
+        self._conflicts: list[Conflict] = []
         self._bounds = LeastBounds()
         self._lock = Lock()
         self._records: Records | None = None
@@ -110,41 +110,41 @@ class Conflicts:
         self._mechanisms = 0
 
     def __len__(self) -> int:
-        return len(self._known)
+        return len(self._conflicts)
 
     def __iter__(self) -> Iterator[Conflict]:
-        return iter(self._known)
+        return iter(self._conflicts)
 
     def __getitem__(self, part: slice) -> list[Conflict]:
-        return self._known[part]
+        return self._conflicts[part]
 
     def keep(self, records: Records, key: str) -> None:
         """Load the conflicts stored under a key, and save later conflicts to the same records."""
         # Loaded conflicts replace those in memory. The records delete conflicts of another key.
         rows = zip(*records.conflicts(key), strict=True)
-        self._known = [
+        self._conflicts = [
             Conflict(np.flatnonzero(on), labels[on], float(bound), Evidence(evidence))
             for on, labels, bound, evidence in rows
         ]
-        for conflict in self._known:
+        for conflict in self._conflicts:
             self._bounds.lowered(conflict)
-        self._saved = len(self._known)
+        self._saved = len(self._conflicts)
         self._records = records
 
     def add(self, conflicts: Iterable[Conflict], threshold: float = -math.inf) -> int:
         """Add conflicts that refute more than is known; return how many were added."""
         with self._lock:
             new = [conflict for conflict in conflicts if self._bounds.lowered(conflict, threshold)]
-            for place, conflict in enumerate(new):
+            for index, conflict in enumerate(new):
                 self._mechanisms += conflict.size
                 if self._mechanisms > _MOST_BYTES:
-                    new[place] = replace(conflict, mechanism=None, by_blocks=())
-            self._known += new
+                    new[index] = replace(conflict, mechanism=None, by_blocks=())
+            self._conflicts += new
         return len(new)
 
     def save(self) -> None:
         """Write the conflicts added since the last call to the records, if there are records."""
-        new = self._known[self._saved :]
+        new = self._conflicts[self._saved :]
         self._saved += len(new)
         if self._records is not None and new:
             decided, labels = np.zeros((2, len(new), self._faces), dtype=bool)
@@ -156,16 +156,16 @@ class Conflicts:
     def correct(self, corrected: Iterable[Conflict], reason: str) -> None:
         """Replace conflicts by corrected ones; forget those from cubes, and the bound on record."""
         better = {conflict.key: conflict for conflict in corrected}
-        known = [better.get(conflict.key, conflict) for conflict in self._known if not conflict.from_cube]
+        conflicts = [better.get(conflict.key, conflict) for conflict in self._conflicts if not conflict.from_cube]
         if self._records is not None:
             self._records.withdraw_bound(reason)
         self.clear()
-        self.add(known)
+        self.add(conflicts)
         self.save()
 
     def clear(self) -> None:
         with self._lock:
-            self._known, self._bounds = [], LeastBounds()
+            self._conflicts, self._bounds = [], LeastBounds()
             self._saved = self._mechanisms = 0
         if self._records is not None:
             self._records.forget_conflicts()
@@ -186,10 +186,8 @@ class ProofState:
 
     def hand_over(self, labellings: Iterable[Bits]) -> int:
         """Queue labellings (m,) that no conflict refutes for evaluation; return how many were new."""
-        # none is ever removed from the list that formulas exclude: each has an evaluation, or the proof knows that it
-        # lacks one
-        # Labellings are stored as canonical images under symmetry. Formulas may exclude them from now on. A labelling
-        # that has an evaluation is not queued.
+        # Labellings are stored as canonical images under symmetry. Formulas may exclude them from now on, so none is
+        # ever removed: each has an evaluation, or the proof knows that it lacks one.
         new = 0
         for labels in labellings:
             row = np.asarray(canonical(labels[None], self.space.group))[0]
@@ -212,10 +210,10 @@ class ProofState:
     def take_waiting(self) -> Bits:
         """Return the labellings (k, m) queued for evaluation, and empty the queue."""
         with self._lock:
-            taken, self._waiting = self._waiting, []
+            waiting, self._waiting = self._waiting, []
             # skip labellings that annealing has evaluated meanwhile
-            taken = [row for row in taken if _key(row) in self._without_evaluation]
-        return np.array(taken, dtype=bool).reshape(len(taken), len(self.space.fixed))
+            waiting = [row for row in waiting if _key(row) in self._without_evaluation]
+        return np.array(waiting, dtype=bool).reshape(len(waiting), len(self.space.fixed))
 
     def note_evaluated(self, labellings: Bits) -> None:
         """Record that canonical labellings (k, m) have an evaluation."""

@@ -86,19 +86,19 @@ class Cutter:
 
     def components(self, members: list[int]) -> list[list[int]]:
         """Return the connected components of a set of atoms, each in breadth-first order."""
-        left, found = dict.fromkeys(members), []
+        unvisited, components = dict.fromkeys(members), []
         for start in members:
-            if start not in left:
+            if start not in unvisited:
                 continue
-            del left[start]
-            piece = [start]
-            for a in piece:
+            del unvisited[start]
+            component = [start]
+            for a in component:
                 for b, _ in self.graph.links[a]:
-                    if b in left:
-                        del left[b]
-                        piece.append(b)
-            found.append(piece)
-        return found
+                    if b in unvisited:
+                        del unvisited[b]
+                        component.append(b)
+            components.append(component)
+        return components
 
     def cut(self, members: list[int], rng: BufferedRandom, threshold: float) -> list[list[int]] | None:
         """Cut a region at random into connected parts; return None if no cut is allowed."""
@@ -119,11 +119,11 @@ class Cutter:
             return self.grow(members, keyed, threshold)
         root = {a: a for a in members}
         tree: dict[int, list[tuple[int, float]]] = {a: [] for a in members}
-        left = len(members) - 1
-        agreed = False
+        joints_left = len(members) - 1
+        tried_parts = False
         for key, _, a, b in keyed:
-            if key > threshold and not agreed:
-                agreed = True
+            if key > threshold and not tried_parts:
+                tried_parts = True
                 parts = self._as_they_are(members, root)
                 if parts is not None:
                     return parts
@@ -136,8 +136,8 @@ class Cutter:
                 root[p] = q
                 tree[a].append((b, key - threshold))
                 tree[b].append((a, key - threshold))
-                left -= 1
-                if not left:
+                joints_left -= 1
+                if not joints_left:
                     break
         return self._cut_tree(members, tree)
 
@@ -178,40 +178,40 @@ class Cutter:
 
     def _cut_tree(self, members: list[int], tree: dict[int, list[tuple[int, float]]]) -> list[list[int]] | None:
         """Cut a forest into allowed parts at the least cost; return None if there is no way."""
-        up: dict[int, tuple[int, float]] = {}
+        parent_of: dict[int, tuple[int, float]] = {}
         order: list[int] = []
         roots: list[int] = []
         for start in members:
-            if start in up:
+            if start in parent_of:
                 continue
-            up[start] = (-1, 0.0)
+            parent_of[start] = (-1, 0.0)
             roots.append(start)
             queue = [start]
             for a in queue:
                 for b, worth in tree[a]:
-                    if b not in up:
-                        up[b] = (a, worth)
+                    if b not in parent_of:
+                        parent_of[b] = (a, worth)
                         queue.append(b)
             order += queue
         joined: dict[int, bool] = {}
         if self._bounded:
-            if not self._choose(order, up, joined):
+            if not self._choose(order, parent_of, joined):
                 return None
         else:
-            joined = {a: up[a][1] <= 0.0 for a in order}
+            joined = {a: parent_of[a][1] <= 0.0 for a in order}
         parts: list[list[int]] = []
-        place: dict[int, list[int]] = {}
+        part_of: dict[int, list[int]] = {}
         for a in order:
-            parent = up[a][0]
+            parent = parent_of[a][0]
             if parent >= 0 and joined[a]:
-                place[a] = place[parent]
-                place[a].append(a)
+                part_of[a] = part_of[parent]
+                part_of[a].append(a)
             else:
-                place[a] = [a]
-                parts.append(place[a])
+                part_of[a] = [a]
+                parts.append(part_of[a])
         return parts
 
-    def _choose(self, order: list[int], up: dict[int, tuple[int, float]], joined: dict[int, bool]) -> bool:
+    def _choose(self, order: list[int], parent_of: dict[int, tuple[int, float]], joined: dict[int, bool]) -> bool:
         """Decide for each atom of a forest whether it stays with its parent; False if impossible."""
         # Dynamic programming from the leaves: least cost by the number of cells of the part that is still open at an
         # atom. An atom closes its part there, or leaves it open to its parent's.
@@ -222,49 +222,49 @@ class Cutter:
         steps: dict[int, dict[int, tuple[int, int]]] = {}  # counts before and of the child, −1 where it closes
         close: dict[int, int] = {}  # count at which a part is best closed at an atom, −1 if at none
         for a in order:
-            own = cells[a]
-            if own > cap:
+            count = cells[a]
+            if count > cap:
                 if not capped:
                     return False
-                own = cap
-            table[a] = {own: 0.0}
+                count = cap
+            table[a] = {count: 0.0}
         for a in reversed(order):
-            mine = table[a]
-            closing, end = inf, -1
-            for cells_open, cost in mine.items():
-                if (cells_open >= least or cells_open == 0) and cost < closing:
-                    closing, end = cost, cells_open
-            close[a] = end
-            parent, worth = up[a]
+            costs = table[a]
+            closing_cost, closing_cells = inf, -1
+            for cells_open, cost in costs.items():
+                if (cells_open >= least or cells_open == 0) and cost < closing_cost:
+                    closing_cost, closing_cells = cost, cells_open
+            close[a] = closing_cells
+            parent, worth = parent_of[a]
             if parent < 0:
-                if end < 0:
+                if closing_cells < 0:
                     return False
                 continue
-            new: dict[int, float] = {}
-            step: dict[int, tuple[int, int]] = {}
+            new_costs: dict[int, float] = {}
+            new_steps: dict[int, tuple[int, int]] = {}
             for before, cost in table[parent].items():
-                if end >= 0:
-                    total = cost + closing - worth
-                    if total < new.get(before, inf):
-                        new[before] = total
-                        step[before] = (before, -1)
-                for child, other in mine.items():
+                if closing_cells >= 0:
+                    total = cost + closing_cost - worth
+                    if total < new_costs.get(before, inf):
+                        new_costs[before] = total
+                        new_steps[before] = (before, -1)
+                for child, cost_of_child in costs.items():
                     after = before + child
                     if after > cap:
                         if not capped:
                             continue
                         after = cap
-                    total = cost + other
-                    if total < new.get(after, inf):
-                        new[after] = total
-                        step[after] = (before, child)
-            if not new:
+                    total = cost + cost_of_child
+                    if total < new_costs.get(after, inf):
+                        new_costs[after] = total
+                        new_steps[after] = (before, child)
+            if not new_costs:
                 return False
-            table[parent], steps[a] = new, step
+            table[parent], steps[a] = new_costs, new_steps
         # read the decisions back: children joined their parent in reverse order, so they are removed in this order
         state: dict[int, int] = {}
         for a in order:
-            parent = up[a][0]
+            parent = parent_of[a][0]
             if parent < 0:
                 state[a] = close[a]
                 continue
@@ -339,16 +339,16 @@ class Repair:
         return False
 
     def _recut(
-        self, groups: Groups, region: list[int], rng: BufferedRandom, wanted: Callable[[list[list[int]]], bool]
+        self, groups: Groups, region: list[int], rng: BufferedRandom, accepts: Callable[[list[list[int]]], bool]
     ) -> bool:
-        """Cut the union of some parts anew into allowed parts that `wanted` accepts."""
+        """Cut the union of some parts anew into allowed parts that pass `accepts`."""
         members = [a for name in region for a in groups[name]]
         for _ in range(_TRIES):
             checkpoint()
             pieces = self.cutter.cut(members, rng, rng.real())
             if pieces is None or not all(self.cutter.large_enough(piece) for piece in pieces):
                 continue
-            if all(self.cutter.fits(piece) for piece in pieces) and wanted(pieces):
+            if all(self.cutter.fits(piece) for piece in pieces) and accepts(pieces):
                 groups.replace(region, pieces)
                 return True
         return False
@@ -384,12 +384,12 @@ class Repair:
                 region.append(rng.pick(around))
                 before, dry = len(region), groups.dry()
 
-                def wanted(pieces: list[list[int]], before: int = before, dry: int = dry) -> bool:
+                def accepts(pieces: list[list[int]], before: int = before, dry: int = dry) -> bool:
                     if better(before, len(pieces)):
                         return True
                     return len(pieces) == before and better(dry, groups.dry_after(pieces))
 
-                if self._recut(groups, region, rng, wanted):
+                if self._recut(groups, region, rng, accepts):
                     return True
         return False
 
@@ -446,10 +446,10 @@ class Groups:
     def around(self, region: list[int]) -> list[int]:
         """Return the names of the parts that touch a region through candidate faces."""
         part, links = self.part, self.graph.links
-        found = {part[b]: None for name in region for a in self._members[name] for b, _ in links[a]}
+        neighbours = {part[b]: None for name in region for a in self._members[name] for b, _ in links[a]}
         for name in region:
-            found.pop(name, None)
-        return list(found)
+            neighbours.pop(name, None)
+        return list(neighbours)
 
     def count(self) -> int:
         cells = self.graph.cells
@@ -518,15 +518,15 @@ class FreeBits:
         return self._repaired(rows, rng)
 
     def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
-        rows = [self.cross(one[None], other[None], rng) for one, other in zip(first, second, strict=True)]
+        rows = [self.cross(parent[None], partner[None], rng) for parent, partner in zip(first, second, strict=True)]
         return np.concatenate([first[:0], *rows]), np.repeat(np.arange(len(rows)), [len(row) for row in rows])
 
     def read(self, keys: Floats, *, repair: bool = True) -> tuple[Bits, Ints]:
         rows = np.repeat(self.space.fixed[None], len(keys), axis=0)
         rows[:, self._faces] = keys > 0.5
         seeds = [np.random.default_rng(np.frombuffer(key.tobytes(), dtype=np.uint32)) for key in keys]
-        found = [self._repaired(row[None], BufferedRandom(seed)) for row, seed in zip(rows, seeds, strict=True)]
-        return np.concatenate([rows[:0], *found]), np.repeat(np.arange(len(found)), [len(one) for one in found])
+        parts = [self._repaired(row[None], BufferedRandom(seed)) for row, seed in zip(rows, seeds, strict=True)]
+        return np.concatenate([rows[:0], *parts]), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
 
     def write(self, labellings: Bits) -> Floats:
         return np.where(labellings[:, self._faces], 0.75, 0.25)
@@ -535,23 +535,23 @@ class FreeBits:
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def _repaired(self, rows: Bits, rng: BufferedRandom) -> Bits:
-        good = feasible(self.space, rows)
-        if good.all():
+        inside = feasible(self.space, rows)
+        if inside.all():
             return rows
         parts: list[Parts] = blocks_of(self.space.graph, rows)[:, self.graph.first].tolist()
-        kept = [
+        repaired = [
             row if fine else self._repair_part(row, part, rng)
-            for row, part, fine in zip(rows, parts, good.tolist(), strict=True)
+            for row, part, fine in zip(rows, parts, inside.tolist(), strict=True)
         ]
-        found = [row for row in kept if row is not None]
-        mended = np.array(found, dtype=bool).reshape(len(found), rows.shape[1])
-        return mended[feasible(self.space, mended)]
+        labellings = [row for row in repaired if row is not None]
+        candidates = np.array(labellings, dtype=bool).reshape(len(labellings), rows.shape[1])
+        return candidates[feasible(self.space, candidates)]
 
     def _repair_part(self, row: Bits, part: Parts, rng: BufferedRandom) -> Bits | None:
         # limits refer to blocks, which inner faces determine: blocks are changed first, labels inside keep their values
         # as far as each block stays connected
-        new = self._repair(part, rng)
-        if new is None:
+        repaired = self._repair(part, rng)
+        if repaired is None:
             return None
         root = list(range(len(self.graph)))
 
@@ -560,13 +560,13 @@ class FreeBits:
                 root[a] = a = root[root[a]]
             return a
 
-        out = row.copy()
+        child = row.copy()
         inside: list[int] = []
         bridges: set[int] = set()
         for face in self._faces:
             a, b = self._ends[face]
-            out[face] = out[face] or new[a] != new[b]
-            if new[a] == new[b]:
+            child[face] = child[face] or repaired[a] != repaired[b]
+            if repaired[a] == repaired[b]:
                 inside.append(face)
         # Fixed inner faces lie inside atoms. Inner faces of the row come first, then faces needed to connect each
         # block.
@@ -575,13 +575,13 @@ class FreeBits:
             if p != q:
                 root[p] = q
                 bridges.add(face)
-                out[face] = False
+                child[face] = False
         order = rng.shuffled(inside)
         for counted, bounds in self._counted:
-            dry = sum(1 for face, counts in enumerate(counted) if counts and out[face])
+            dry = sum(1 for face, counts in enumerate(counted) if counts and child[face])
             for face in [face for face in order if counted[face] and face not in bridges]:
-                if dry > bounds.most and out[face]:
-                    out[face], dry = False, dry - 1
-                elif dry < bounds.least and not out[face]:
-                    out[face], dry = True, dry + 1
-        return out
+                if dry > bounds.most and child[face]:
+                    child[face], dry = False, dry - 1
+                elif dry < bounds.least and not child[face]:
+                    child[face], dry = True, dry + 1
+        return child

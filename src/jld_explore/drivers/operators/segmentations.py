@@ -18,7 +18,6 @@ from jld_explore.space.labelling import blocks_of
 from jld_explore.space.search_space import SearchSpace
 
 THRESHOLD: Final = 0.5  # a pair with a key above it is separated, a pair with a lower key is joined
-
 _ROUNDS: Final = 2  # passes over all pairs that join parts that are too small to others
 
 # Width of the random interval of keys of a child of two parents, for four kinds of pairs. The kinds are those of
@@ -44,8 +43,8 @@ class Batches:
         self._p, self._q = pairs[:, 0], pairs[:, 1]
         self._cells = np.array(graph.cells, dtype=np.int64)
         low, high = np.minimum(graph.face_a, graph.face_b), np.maximum(graph.face_a, graph.face_b)
-        place = {(int(low[f]), int(high[f])): int(f) for f in np.flatnonzero(space.candidates)}
-        self._face = np.array([place[pair] for pair in graph.pairs], dtype=np.int64)
+        face_of_pair = {(int(low[f]), int(high[f])): int(f) for f in np.flatnonzero(space.candidates)}
+        self._face = np.array([face_of_pair[pair] for pair in graph.pairs], dtype=np.int64)
         self._line = np.array([lines[0] for lines in graph.lines], dtype=np.int64)
         centre = space.assembly.elements.centroid[graph.first]
         self._middle = 0.5 * (centre[self._p] + centre[self._q])
@@ -61,16 +60,17 @@ class Batches:
         """Return keys (k, pairs) of one child of each couple of parents (k, m)."""
         # Joints of both parents stay, and so do pairs that both have inside blocks. At other pairs the child follows
         # `first` in a patch and `second` outside, or one of them at random for each pair.
-        one, two = first[:, self._face], second[:, self._face]
-        count = len(one)
-        patch = np.empty(one.shape, dtype=bool)
-        whole = rng.random(count) < 0.7
-        patch[whole] = self._patch(int(np.count_nonzero(whole)), rng)
-        scattered = np.flatnonzero(~whole)
-        patch[scattered] = rng.random((len(scattered), one.shape[1])) < rng.random((len(scattered), 1))
+        first_cut, second_cut = first[:, self._face], second[:, self._face]
+        count = len(first_cut)
+        patch = np.empty(first_cut.shape, dtype=bool)
+        by_patch = rng.random(count) < 0.7
+        patch[by_patch] = self._patch(int(np.count_nonzero(by_patch)), rng)
+        scattered = np.flatnonzero(~by_patch)
+        patch[scattered] = rng.random((len(scattered), first_cut.shape[1])) < rng.random((len(scattered), 1))
         # index of the kind of each pair, see _LEAST
-        kind = ((one & patch) | (two & ~patch)).view(np.uint8) + 2 * (one ^ two).view(np.uint8)
-        keys = rng.random(one.shape)
+        is_cut, differs = (first_cut & patch) | (second_cut & ~patch), first_cut ^ second_cut
+        kind = is_cut.view(np.uint8) + 2 * differs.view(np.uint8)
+        keys = rng.random(first_cut.shape)
         keys *= _WIDTH.take(kind)
         keys += _LEAST.take(kind)
         return keys
@@ -82,29 +82,31 @@ class Batches:
         cut, count = parents[:, self._face], len(parents)
         name = blocks_of(self.space.graph, parents)[:, self.graph.first]
         rows = np.arange(count)
-        lot = rng.random(cut.shape)
-        lot *= cut
-        joint = np.argmax(lot, axis=1)
+        chances = rng.random(cut.shape)
+        chances *= cut
+        joint = np.argmax(chances, axis=1)
         turn = rng.random(count) < 0.5
-        here = np.where(turn, self._q[joint], self._p[joint])
-        there = np.where(turn, self._p[joint], self._q[joint])
-        old, new = name[rows, here][:, None], name[rows, there][:, None]
+        mover = np.where(turn, self._q[joint], self._p[joint])
+        target = np.where(turn, self._p[joint], self._q[joint])
+        old, new = name[rows, mover][:, None], name[rows, target][:, None]
         keys = rng.random(cut.shape)
         keys *= 0.1
         keys += _LEAST_KEPT.take(cut.view(np.uint8))
         kind = rng.random(count)
-        some = np.flatnonzero(kind < 0.5)
-        own = name[some]
-        inside = self._region(own, (own == old[some]) | (own == new[some]), rng)
+        chosen = np.flatnonzero(kind < 0.5)
+        names = name[chosen]
+        inside = self._region(names, (names == old[chosen]) | (names == new[chosen]), rng)
         row, pair = np.nonzero(inside[:, self._p] & inside[:, self._q])
-        loose = rng.random(len(row)) - rng.random(len(some))[row] + THRESHOLD
-        keys[some[row], pair] = np.clip(loose, 0.0, 1.0)
-        some = np.flatnonzero(kind >= 0.5)
-        moving = self._moving(name[some], cut[some], old[some], new[some], joint[some], here[some], kind[some] < 0.75)
+        loose = rng.random(len(row)) - rng.random(len(chosen))[row] + THRESHOLD
+        keys[chosen[row], pair] = np.clip(loose, 0.0, 1.0)
+        chosen = np.flatnonzero(kind >= 0.5)
+        moving = self._moving(
+            name[chosen], cut[chosen], old[chosen], new[chosen], joint[chosen], mover[chosen], kind[chosen] < 0.75
+        )
         row, pair = np.nonzero(moving[:, self._p] | moving[:, self._q])
         p, q = self._p[pair], self._q[pair]
         mp, mq = moving[row, p], moving[row, q]
-        row = some[row]
+        row = chosen[row]
         joined = (mp & (mq | (name[row, q] == new[row, 0]))) | (mq & (name[row, p] == new[row, 0]))
         keys[row, pair] = np.where(joined, 0.01, 0.9)
         return keys
@@ -119,18 +121,18 @@ class Batches:
         inside[rows] |= third & touching.any(axis=1)[:, None]
         return inside
 
-    def _moving(self, name: Ints, cut: Bits, old: Ints, new: Ints, joint: Ints, here: Ints, single: Bools) -> Bools:
+    def _moving(self, name: Ints, cut: Bits, old: Ints, new: Ints, joint: Ints, mover: Ints, single: Bools) -> Bools:
         """Return the atoms (k, atoms) that a move transfers to the block beyond a joint (k,)."""
-        # Where `single`, only atom `here` moves. Elsewhere all atoms of block `old` move that touch block `new` along
+        # Where `single`, only atom `mover` moves. Elsewhere all atoms of block `old` move that touch block `new` along
         # the straight line of the joint.
         moving = np.zeros(name.shape, dtype=bool)
-        moving[np.arange(len(name)), here] = True
+        moving[np.arange(len(name)), mover] = True
         rows = np.flatnonzero(~single)
         p, q = name[rows][:, self._p], name[rows][:, self._q]
         along = cut[rows] & (self._line == self._line[joint[rows]][:, None])
         line = np.zeros((len(rows), name.shape[1]), dtype=bool)
-        for here_is, there_is, end in ((p, q, self._p), (q, p, self._q)):
-            row, pair = np.nonzero(along & (here_is == old[rows]) & (there_is == new[rows]))
+        for names_here, names_there, end in ((p, q, self._p), (q, p, self._q)):
+            row, pair = np.nonzero(along & (names_here == old[rows]) & (names_there == new[rows]))
             line[row, end[pair]] = True
         moving[rows] = line
         return moving
@@ -139,18 +141,18 @@ class Batches:
         """Mark (count, pairs) the pairs on one side of a random plane, or in a random box."""
         centre = self._middle[rng.integers(len(self._middle), size=count)]
         planes = np.flatnonzero(rng.random(count) < 0.5)
-        found = np.ones((count, len(self._middle)), dtype=bool)
+        inside = np.ones((count, len(self._middle)), dtype=bool)
         reach = 0.6 * self._span * rng.random((count, 1))
         reach[planes] = np.inf
         side = np.zeros((len(planes), len(self._middle)))
-        for place, own, normal in zip(
+        for coordinate, centre_coordinate, normal in zip(
             self._middle.T, centre.T, rng.normal(size=(centre.shape[1], len(planes))), strict=True
         ):
-            away = place - own[:, None]
-            found &= abs(away) <= reach
-            side += away[planes] * normal[:, None]
-        found[planes] = side > 0.0
-        return found
+            offset = coordinate - centre_coordinate[:, None]
+            inside &= abs(offset) <= reach
+            side += offset[planes] * normal[:, None]
+        inside[planes] = side > 0.0
+        return inside
 
     def read(self, keys: Floats, threshold: float | Floats = THRESHOLD) -> Bits:
         """Convert keys (k, pairs) to labellings (j, m), j ≤ k; keys that break a limit give none."""
@@ -158,20 +160,20 @@ class Batches:
 
     def read_some(self, keys: Floats, threshold: float | Floats = THRESHOLD) -> tuple[Bits, Ints]:
         """Convert keys as `read` does; also return (j,) the row of keys of each labelling."""
-        name, good = self._assemble(keys, threshold)
+        name, complete = self._assemble(keys, threshold)
         across = name[:, self.graph.face_a] != name[:, self.graph.face_b]
-        return np.asarray(np.where(self.space.candidates, across, self.space.fixed)), np.flatnonzero(good)
+        return np.asarray(np.where(self.space.candidates, across, self.space.fixed)), np.flatnonzero(complete)
 
     def _assemble(self, keys: Floats, threshold: float | Floats) -> tuple[Names, Bools]:
         """Join atoms by keys: parts (j, atoms), and (k,) True for the j rows without a part too small."""
         order = np.argsort(keys, axis=1)
-        made = self._joining.parts(order, np.count_nonzero(keys <= threshold, axis=1))
-        if made is not None:
-            return np.asarray(made[0][made[1]]), made[1]
-        wanted = np.take_along_axis(keys <= threshold, order, axis=1).T.copy()
+        parts = self._joining.parts(order, np.count_nonzero(keys <= threshold, axis=1))
+        if parts is not None:
+            return np.asarray(parts[0][parts[1]]), parts[1]
+        to_join = np.take_along_axis(keys <= threshold, order, axis=1).T.copy()
         ends = [end[order].T.copy() for end in (self._p, self._q)]
         forest = _Forest(len(keys), self._cells, self.least, self.most)
-        for a, b, joined in zip(*ends, wanted, strict=True):
+        for a, b, joined in zip(*ends, to_join, strict=True):
             rows = np.flatnonzero(joined)
             if not len(rows):
                 break
@@ -183,8 +185,8 @@ class Batches:
                 break
             for a, b in zip(*ends, strict=True):
                 forest.join(lacking, a[lacking], b[lacking], small_only=True)
-        good = ~forest.lacking
-        return forest.name[good], good
+        complete = ~forest.lacking
+        return forest.name[complete], complete
 
 
 class _Forest:
@@ -227,11 +229,8 @@ class _Forest:
 
 
 _TREES_TRIED: Final = 6  # number of spanning trees tried for one set of keys
-
 _OFFSPRING_FACTOR: Final = 4  # children made for each evaluated one, where children are made in batches
-
 _DRAWN_PER_REQUESTED: Final = 2  # random segmentations made in a batch per requested one, because limits exclude many
-
 _FURTHER_BATCHES: Final = 4  # number of further batches made if the first one gives too few segmentations
 
 # Share of a batch that must keep the limits for batches to be used. Otherwise segmentations are made one by one, with
@@ -251,12 +250,12 @@ class Segmentations:
         # cuts that keep all limits need no repair
         self.sound = self.cutter.exact and not self.repair.counted
         self.keys = len(self.graph.pairs)
-        whole = self.sound and self.keys > 0 and not any(self.graph.walls)
-        self._batches = Batches(space, self.graph, self.limits) if whole else None
+        in_batches = self.sound and self.keys > 0 and not any(self.graph.walls)
+        self._batches = Batches(space, self.graph, self.limits) if in_batches else None
         self.always_feasible = (
-            whole and not space.limits.on_counts and not space.limits.on_shapes and space.laying is None
+            in_batches and not space.limits.on_counts and not space.limits.on_shapes and space.laying is None
         )
-        self.offspring_factor = _OFFSPRING_FACTOR if whole else FreeBits.offspring_factor
+        self.offspring_factor = _OFFSPRING_FACTOR if in_batches else FreeBits.offspring_factor
         self._corner: list[list[float]] = self.graph.sized.corner.tolist()
         self._every = list(range(len(self.graph)))
         self._moves: list[Callable[[Parts, BufferedRandom], Parts | None]] = [
@@ -269,20 +268,20 @@ class Segmentations:
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed))
 
     def parts(self, labellings: Bits) -> list[Parts]:
-        found: list[Parts] = blocks_of(self.space.graph, labellings)[:, self.graph.first].tolist()
-        return found
+        parts: list[Parts] = blocks_of(self.space.graph, labellings)[:, self.graph.first].tolist()
+        return parts
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
         # Each has a random threshold of its own, so that numbers of blocks spread.
         if self._batches is not None:
-            found = self._batches.draw(_DRAWN_PER_REQUESTED * count, rng.generator)
-            if len(found) >= _LEAST_SHARE * _DRAWN_PER_REQUESTED * count:
+            rows = self._batches.draw(_DRAWN_PER_REQUESTED * count, rng.generator)
+            if len(rows) >= _LEAST_SHARE * _DRAWN_PER_REQUESTED * count:
                 for _ in range(_FURTHER_BATCHES):
                     checkpoint()
-                    if len(found) >= count:
+                    if len(rows) >= count:
                         break
-                    found = np.concatenate([found, self._batches.draw(_DRAWN_PER_REQUESTED * count, rng.generator)])
-                return found[:count]
+                    rows = np.concatenate([rows, self._batches.draw(_DRAWN_PER_REQUESTED * count, rng.generator)])
+                return rows[:count]
         return self.labels([part for _ in range(count) if (part := self.random(rng)) is not None])
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
@@ -294,20 +293,20 @@ class Segmentations:
 
     def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
         if self._batches is not None:
-            found, of = self._batches.read_some(self._batches.cross(first, second, rng.generator))
-            if len(found) >= _LEAST_SHARE * len(first):
-                return found, of
-        made = [self.overlay(p, q, rng) for p, q in zip(self.parts(first), self.parts(second), strict=True)]
-        of = np.array([k for k, child in enumerate(made) if child is not None], dtype=np.int64)
-        return self.labels([child for child in made if child is not None]), of
+            labellings, of = self._batches.read_some(self._batches.cross(first, second, rng.generator))
+            if len(labellings) >= _LEAST_SHARE * len(first):
+                return labellings, of
+        children = [self.overlay(p, q, rng) for p, q in zip(self.parts(first), self.parts(second), strict=True)]
+        of = np.array([k for k, child in enumerate(children) if child is not None], dtype=np.int64)
+        return self.labels([child for child in children if child is not None]), of
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
         if self._batches is not None:
             children = self._batches.cross(first, second, rng.generator)
             changed = self._batches.vary(single, rng.generator)
-            found = self._batches.read(np.concatenate([children, changed]))
-            if len(found) >= _LEAST_SHARE * (len(first) + len(single)):
-                return found
+            labellings = self._batches.read(np.concatenate([children, changed]))
+            if len(labellings) >= _LEAST_SHARE * (len(first) + len(single)):
+                return labellings
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def read(self, keys: Floats, *, repair: bool = True) -> tuple[Bits, Ints]:
@@ -342,8 +341,8 @@ class Segmentations:
         threshold = rng.real()
         if (low, high) != (-inf, inf):
             most = len(self.graph)
-            wanted = max(low, 1.0) + rng.real() * (min(high, most) - max(low, 1.0))
-            threshold = 1.0 - (wanted - 1.0) / max(most - 1.0, 1.0)
+            parts_wanted = max(low, 1.0) + rng.real() * (min(high, most) - max(low, 1.0))
+            threshold = 1.0 - (parts_wanted - 1.0) / max(most - 1.0, 1.0)
         keys = rng.reals(self.keys)
         if self.limits.sink is not None:
             # draw the share that stays first, so that few cells are left out as often as many
@@ -470,29 +469,29 @@ class Segmentations:
         # outside. The others separate each such pair with a probability that is drawn once for the child, so that some
         # children have few joints and some have many. Keys of one kind differ at random: so does the order of joining.
         patch = self._patch(rng) if rng.real() < 0.7 else None
-        apart = rng.real()
+        separating_share = rng.real()
         keys = []
         for a, b in self.graph.pairs:
-            one, two = first[a] != first[b], second[a] != second[b]
-            if one == two:
-                keys.append(0.95 + 0.05 * rng.real() if one else 0.05 * rng.real())
+            cut_first, cut_second = first[a] != first[b], second[a] != second[b]
+            if cut_first == cut_second:
+                keys.append(0.95 + 0.05 * rng.real() if cut_first else 0.05 * rng.real())
             elif patch is not None:
-                follow = one if patch[a] and patch[b] else two
+                follow = cut_first if patch[a] and patch[b] else cut_second
                 keys.append((0.55 if follow else 0.25) + 0.2 * rng.real())
             else:
-                keys.append(0.1 + 0.4 * rng.real() + (0.4 if rng.real() < apart else 0.0))
+                keys.append(0.1 + 0.4 * rng.real() + (0.4 if rng.real() < separating_share else 0.0))
         return self._assemble(keys, THRESHOLD, rng)
 
     def _patch(self, rng: BufferedRandom) -> list[bool]:
         """Mark (atoms) a random connected set of 20 to 80 % of the atoms."""
         count = len(self.graph)
-        wanted = max(1, int(count * (0.2 + 0.6 * rng.real())))
+        size = max(1, int(count * (0.2 + 0.6 * rng.real())))
         inside = [False] * count
         queue = [rng.below(count)]
         inside[queue[0]] = True
         for a in queue:
             for b, _ in rng.shuffled(self.graph.links[a]):
-                if not inside[b] and len(queue) < wanted:
+                if not inside[b] and len(queue) < size:
                     inside[b] = True
                     queue.append(b)
         return inside
@@ -578,7 +577,6 @@ def operators(space: SearchSpace) -> Operators:
 
 
 _LEAST_MOTION: Final = 0.01  # share of the largest jump above which a face counts as moving
-
 _JOIN_SHARE: Final = 0.55  # share of changes that join blocks across a moving face
 # Share of changes that cut a block without moving faces. The remaining changes ignore the mechanism.
 _CUT_SHARE: Final = 0.1
@@ -586,7 +584,6 @@ _CUT_SHARE: Final = 0.1
 # Probability that a joined block takes one more atom of the two blocks it replaces. The block grows with this
 # probability per atom as long as limits allow.
 _GROWTH_PROBABILITY: Final = 0.8
-
 _JOIN_PROBABILITY: Final = 0.7  # probability that a remaining piece of the two blocks joins a neighbour
 
 
@@ -602,19 +599,19 @@ class Following:
         segmentations = self._segmentations
         rows: list[Bits] = []
         children: list[Parts] = []
-        of: list[int] = []
+        origin: list[int] = []
         for k, (labels, part) in enumerate(zip(labellings, parts, strict=True)):
             if segmentations is None:
-                found = self._closed(labels, moving[k], rng)
-                rows += found
-                of += [k] * len(found)
+                changed = self._closed(labels, moving[k], rng)
+                rows += changed
+                origin += [k] * len(changed)
             elif (child := self._child(segmentations, labels, part, moving[k], rng)) is not None:
                 children.append(child)
-                of.append(k)
+                origin.append(k)
         if segmentations is not None:
             rows = list(segmentations.labels(children))
         empty = np.empty((0, labellings.shape[1]), dtype=bool)
-        return (np.array(rows) if rows else empty), np.array(of, dtype=np.int64)
+        return (np.array(rows) if rows else empty), np.array(origin, dtype=np.int64)
 
     def parts(self, labellings: Bits) -> list[Parts]:
         """Return the partition of each labelling (k, m), empty lists if slits are allowed."""
@@ -645,8 +642,8 @@ class Following:
 
     def _moving_joints(self, labels: Bits, moving: Floats) -> list[int]:
         """Return the dry candidate faces that move; labels, moving: (m,)."""
-        found: list[int] = np.flatnonzero(labels & self.space.candidates & (moving > _LEAST_MOTION)).tolist()
-        return found
+        faces: list[int] = np.flatnonzero(labels & self.space.candidates & (moving > _LEAST_MOTION)).tolist()
+        return faces
 
     def _join(self, segmentations: Segmentations, owner: Parts, a: int, b: int, rng: BufferedRandom) -> Parts | None:
         """Form a new block around atoms a and b, out of their two blocks; None if that fails."""
@@ -662,9 +659,9 @@ class Following:
             fitting = [atom for atom in neighbours if cutter.fits([*block, atom])]
             if not fitting:
                 break
-            taken = rng.pick(fitting)
-            block.append(taken)
-            remaining.discard(taken)
+            added = rng.pick(fitting)
+            block.append(added)
+            remaining.discard(added)
         child, fresh = list(owner), max(owner) + 1
         for atom in block:
             child[atom] = fresh
@@ -682,7 +679,7 @@ class Following:
                 around = sorted({child[other] for atom in piece for other, _ in links[atom]} - {*old, fresh})
                 for beside in around:
                     if beside not in members:
-                        members[beside] = [atom for atom, own in enumerate(owner) if own == beside]
+                        members[beside] = [atom for atom, block_of_atom in enumerate(owner) if block_of_atom == beside]
                 fitting = [n for n in around if cutter.fits([*piece, *members[n]])]
                 if fitting:
                     name = rng.pick(fitting)
