@@ -561,14 +561,7 @@ def verdict(summary: dict[str, Any]) -> str:
     # where fields refute λ by cells, nothing is above the uncut solid
     if above and (fields_high is None or fields_high >= low):
         text += " (a dry joint opens over its whole depth, an uncut section cracks at its elastic limit)"
-    if summary.get("proven"):
-        of_cells, bound = summary.get("load_factor_of_cells"), summary.get("bound")
-        below = of_cells is not None and bound is not None and of_cells < bound * (1 - 1e-3)
-        last = f"exceeds {bound:.3g} on them, whether it goes together or not" if below else "is stronger on them"
-        joints = " with plane joints," if keys else ""
-        text += f";{joints} no fewer parts of these cells do, and no layout of as many {last}"
-    else:
-        text += _bound_in_words(summary)
+    text += _proof_in_words(summary) if summary.get("proven") else _bound_in_words(summary)
     if low is not None and not summary["meets"]:
         text += f"; {summary['require']:g} was asked"
     if summary["too_large"]:
@@ -582,6 +575,18 @@ def verdict(summary: dict[str, Any]) -> str:
     if summary["can_be_laid"] is False:
         text += "; parts " + ", ".join(str(k) for k in summary["locked_parts"]) + " lock one another"
     return text + "."
+
+
+def _proof_in_words(summary: dict[str, Any]) -> str:
+    """Return in words what no other layout of the cells of a complete search does."""
+    of_cells, bound = summary.get("load_factor_of_cells"), summary.get("bound")
+    below = of_cells is not None and bound is not None and of_cells < bound * (1 - 1e-3)
+    cells = "them" if summary["meets"] else "these cells"
+    last = f"exceeds {bound:.3g} on {cells}, whether it goes together or not" if below else f"is stronger on {cells}"
+    # of fewer parts it is known that none carry what was asked, which says nothing where no parts do
+    first = "no fewer parts of these cells do, and no layout of as many" if summary["meets"] else ""
+    joints = " with plane joints," if summary.get("keys") else ""
+    return f";{joints} {first or 'no layout of as many parts or fewer'} {last}"
 
 
 def _bound_in_words(summary: dict[str, Any]) -> str:

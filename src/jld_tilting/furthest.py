@@ -14,14 +14,16 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core import Assembly, Bits, InputError, Model, Scene, Status, solve
+from jld_core.scene import cracks
 from jld_explore import Evaluation, Exploration, ExploreSettings, Step, StepContext, explore, with_entries
-from jld_explore.space import from_string
+from jld_explore.space import cut
 
 Bracket = tuple[float, float]  # bounds on an angle, degrees; NaN where one is unknown
 _BEST: Final = 10  # layouts whose angles are found after a search
 _TRIES: Final = 6  # searches of turned scenes
 _SECONDS: Final = 30.0  # most time of each
 _BEYOND: Final = 1e-4  # degrees above the furthest at which every layout is to fall
+_CARRY: Final = (str(Status.COLLAPSE), str(Status.LOCKED))  # a locked layout may fall beyond 90 degrees
 
 
 def furthest(evaluation: Evaluation, assembly: Assembly, labels: Bits) -> float:
@@ -76,6 +78,8 @@ def turned(scene: Scene, degrees: float) -> dict[str, Any]:
     cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     document["materials"] = {**document["materials"], "gravity": (size * (cos * frame[0] + sin * frame[1])).tolist()}
     document["loads"] = {"live": [{"body": (cos * frame[1] - sin * frame[0]).tolist()}]}
+    search = document.get("search", {})  # any layout that stands counts, whatever it carries along the tangent
+    document["search"] = {key: value for key, value in search.items() if key not in ("require", "front")}
     return document
 
 
@@ -122,7 +126,7 @@ class Tilting(Step):
         Exploration
             Search with entries and columns.
         """
-        if not _tilts(done.assembly) or context.settings.model.by_fields is not None:
+        if not _tilts(done.assembly) or isinstance(done.scene.cracks, cracks.FieldCracks):
             return done
         entries, angles = self._found(done, context)
         ends = [angles.get(text, (math.nan, math.nan)) for text in done.results["labelling"]]
@@ -133,8 +137,8 @@ class Tilting(Step):
         """Return facts of the layout that tilts furthest, and the angle of each."""
         rows, model, angles = done.results.head(_BEST), context.settings.model, dict[str, Bracket]()
         for text, status in zip(rows["labelling"], rows["status"], strict=True):
-            if status == str(Status.COLLAPSE) and not context.deadline.passed():
-                angles[text] = _angle(done.assembly, from_string(text), model)
+            if status in _CARRY and not context.deadline.passed():
+                angles[text] = _angle(*cut(done.assembly, text), model)
         bound = _bound(done, context, angles)
         solved = {text: ends for text, ends in angles.items() if not math.isnan(sum(ends))}
         if not solved:
@@ -150,6 +154,8 @@ def _bound(done: Exploration, context: StepContext, angles: dict[str, Bracket]) 
     scene, settings = done.scene, context.settings
     if not done.summary.proven or scene.loads.has_cases or not np.any(scene.materials.gravity):
         return None
+    if scene.search.assemble is not None:  # blocks are laid under the scene's own gravity
+        return None
     for _ in range(_TRIES):
         if context.deadline.passed():
             return None
@@ -157,12 +163,15 @@ def _bound(done: Exploration, context: StepContext, angles: dict[str, Bracket]) 
         if not high < 180.0:
             return None
         seconds = min(_SECONDS, context.deadline.remaining())
-        own = ExploreSettings(driver="exact", seconds=seconds, pictures=False, check_fields=0, jobs=settings.jobs)
-        found = explore(turned(scene, high + _BEYOND), settings=replace(own, model=settings.model))
-        if found.summary.best is None or found.summary.stands_at_zero is False:
+        own = ExploreSettings(seconds=seconds, pictures=False, check_fields=0, jobs=settings.jobs)
+        own = replace(own, model=settings.model, robust=settings.robust)
+        found = explore(turned(scene, high + _BEYOND), settings=own)
+        rows = found.results
+        standing = rows.loc[rows["status"].isin(_CARRY) & rows["stands_at_zero"].ne(False), "labelling"]
+        if standing.empty:
             return high + _BEYOND if found.summary.proven else None
-        text = str(found.summary.best_labelling)
+        text = str(standing.iloc[0])
         if text in angles:
             return None
-        angles[text] = _angle(done.assembly, from_string(text), settings.model)
+        angles[text] = _angle(*cut(done.assembly, text), settings.model)
     return None

@@ -132,6 +132,63 @@ def test_searches_and_commands(jld: Command, tmp_path: Path) -> None:
     assert 0.0 <= by_fields["tilt_angle"] <= told["tilt_bracket"][1]
 
 
+def furthest_of(document: Document, **settings: Any) -> dict[str, Any]:
+    """What a search says of the layout that tilts furthest."""
+    plain = ExploreSettings(check_fields=0, pictures=False)
+    facts: dict[str, Any] = explore(document, settings=plain, **settings).summary.facts
+    return facts
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"search": {"void": {"most": 0.3}}},
+        {"search": {"require": {"load_factor": 9.0}}},
+        {"search": {"front": {"counts": ["blocks", "shapes"]}}},
+        {"search": {"assemble": "standing"}},
+        {"cracks": {"kind": "cells", "cell": 0.05}},
+        {"cracks": {"kind": "fields", "gap": 0.9}},
+    ],
+    ids=str,
+)
+def test_a_tilted_search_beside_other_keys(more: Document) -> None:
+    """The furthest is that of the plain search, of which no proof needs a driver that refuses the key."""
+    facts = furthest_of({**PORTAL, **more})
+    if "fields" in str(more):
+        assert "tilt_angle" not in facts
+        return
+    assert facts["tilt_angle"] == pytest.approx(math.degrees(math.atan(0.75)), rel=1e-8)
+    assert (facts["tilt_bound"] is None) is ("assemble" in str(more))
+
+
+def test_low_values_tilt_and_are_proven_as_low_values() -> None:
+    document = deepcopy(PORTAL)
+    document["materials"]["dry"]["friction_coefficient"] = {"nominal": 0.75, "low": 0.3}
+    facts = furthest_of(document, robust=True)
+    assert facts["tilt_angle"] == pytest.approx(math.degrees(math.atan(0.3)), rel=1e-8)
+    assert facts["tilt_bound"] == pytest.approx(facts["tilt_angle"], abs=1e-3)
+
+
+def test_a_locked_layout_tilts_further() -> None:
+    """A block that a wall holds back slides up its neighbour where their face shears; dry, it never does."""
+    corners = {
+        "g": [[-3, -1], [4, -1], [4, 0], [-3, 0]],
+        "w": [[2, 0], [3, 0], [3, 2], [2, 2]],
+        "a": [[0, 0], [0.9, 0], [1.3, 1], [0, 1]],
+        "b": [[0.9, 0], [2, 0], [2, 1], [1.3, 1]],
+    }
+    inner = {"tensile_strength": 1e3, "shear_strength": 1e3}
+    document = {
+        "elements": [{"id": name, "polygon": at, "support": name in "gw"} for name, at in corners.items()],
+        "materials": {"density": 2000, "dry": {"friction_coefficient": 0.7}, "inner": inner},
+        "loads": {"live": [{"tilt": {"towards": [1, 0]}}]},
+    }
+    for settings in ({}, {"objective": "tilt_angle"}):
+        facts = furthest_of(document, **settings)
+        assert facts["tilt_labelling"].count("i") == 0
+        assert facts["tilt_angle"] > 100.0
+
+
 BAD: dict[str, tuple[Document, str]] = {
     "up": ({"live": [{"tilt": {"towards": [1, 1]}}]}, r"live\[0\].tilt.towards: it is not horizontal"),
     "in space": ({"live": [{"tilt": {"towards": [1, 0, 0]}}]}, "it has 3 numbers; expected 2"),

@@ -726,6 +726,11 @@ TOLD |= {"too_large": [], "can_be_laid": True, "coarse_truth": "", "faulty_files
     ("change", "said", "unsaid"),
     [
         ({}, ["no fewer parts", "opens over its whole depth"], "crushing"),
+        (
+            {"meets": False, "require": 4.0, "load_factor_of_cells": 2.0, "bound": 3.0},
+            ["; no layout of as many parts or fewer exceeds 3 on these cells, whether", "; 4 was asked"],
+            "no fewer parts",
+        ),
         ({"only_crushing": True}, ["only crushing limits it"], "watertight"),
         ({"load_factor_of_cells": 2.0, "bound": 3.0}, ["no layout of as many exceeds 3 on them"], "watertight"),
         (

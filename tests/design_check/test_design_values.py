@@ -446,6 +446,32 @@ def test_bounds_of_many_parts_enclose_all_assignments(dry: dict[str, Any], monke
     assert found.bounds.high >= exact.low * (1 - 1e-9)
 
 
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_parts_that_change_nothing_are_light_in_all_units(count: int) -> None:
+    """The uppermost block slides off: which factor those below it have was the last digit's choice, shares with it."""
+    told = []
+    for length, force in ((1.0, 1.0), (1.0, 1e-3), (1e3, 1e-3), (39.37, 0.2248)):
+        corners = [[[0.03 * k, k / 2], [1 + 0.07 * k, k / 2], [1 + 0.07 * k, k / 2 + 0.5], [0.03 * k, k / 2 + 0.5]]
+                   for k in range(count)]  # fmt: skip
+        corners.append([[-2, -1], [4, -1], [4, 0], [-2, 0]])
+        elements = [{"id": f"b{k}", "polygon": (length * np.array(at)).tolist()} for k, at in enumerate(corners)]
+        elements[-1]["support"] = True
+        push = {"force": [700 * force, -300 * force], "at": [0.9 * length, count * length / 2]}
+        found = checked(
+            {
+                "elements": elements,
+                "thickness": length,
+                "materials": {"density": 2000 * force / length**3, "dry": {"friction_coefficient": 0.6}},
+                "loads": {"live": [{"element": f"b{count - 1}", **push}]},
+                "design": {"set": "EN 1990 EQU"},
+            },
+            states=True,
+        )
+        assert found.reserve is not None
+        told.append((found.governing.combination.heavier, found.reserve.bracket))
+    assert told == [((), told[0][1])] * 4
+
+
 def test_parts_and_fields_are_refused_in_one_line() -> None:
     document = {**slab(0.8), "cracks": {"kind": "fields", "gap": 0.1}}
     with pytest.raises(InputError, match=r"cracks: EN 1990, 6.4.3.1\(4\).*fields do not"):

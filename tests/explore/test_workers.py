@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 from concurrent.futures import Future
 from dataclasses import replace
@@ -229,3 +231,25 @@ def test_processes_start_after_the_first_labelling() -> None:
         assert sum(len(answers) for _, answers in second) == 3
     finally:
         workers.close()
+
+
+STARTED = """
+import signal
+import subprocess
+import sys
+from joblib.externals.loky.backend import fork_exec
+from jld_explore.evaluation import Pool
+blocked = lambda: signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+plain = fork_exec.fork_exec
+fork_exec.fork_exec = lambda *known, **named: print(blocked()) or plain(*known, **named)
+with Pool(2) as pool:
+    there = pool.submit(signal.getsignal, signal.SIGINT), pool.submit(signal.pthread_sigmask, signal.SIG_BLOCK, [])
+    print(there[0].result() == signal.SIG_IGN, there[1].result(), blocked())
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="no masks of signals")
+def test_ctrl_c_does_not_reach_processes_that_start() -> None:
+    """A terminal sends it to all: one that still imports would end with a traceback."""
+    done = subprocess.run([sys.executable, "-c", STARTED], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["True", "True", "True set() False"]

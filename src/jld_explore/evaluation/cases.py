@@ -26,6 +26,7 @@ from jld_core.tolerances import ROUNDING
 from jld_explore.evaluation.protocol import (
     BOUND,
     SOLVE,
+    CutShort,
     Envelope,
     Evaluation,
     Evaluator,
@@ -222,7 +223,17 @@ class OwnObjectiveEvaluator(LabellingEvaluator):
     ) -> list[Evaluation]:
         # bounds on λ, and thus pruning thresholds, are no bounds on the objective
         found = self._evaluator.evaluate_all(labellings, None, deadline)
-        return [self._with_value(labels, one) for labels, one in zip(labellings, found, strict=False)]
+        values: list[Evaluation] = []
+        try:
+            for labels, one in zip(labellings, found, strict=False):
+                values.append(self._with_value(labels, one))
+        except DeadlinePassed:
+            raise
+        except Exception as error:  # of the user's function
+            if not values:
+                raise
+            return CutShort(values, error)
+        return values
 
     def _with_value(self, labels: Bits, found: Evaluation) -> Evaluation:
         """Return an evaluation with the objective in place of λ; InputError for no number."""

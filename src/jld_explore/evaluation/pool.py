@@ -252,7 +252,7 @@ class Pool:
 
         An error of a dead process is raised here or in the future.
         """
-        with deferred_signals():
+        with deferred_signals(), ExitStack() as starting:
             if self._executor is None:
                 self._settings.enter_context(ignored_warning("A worker stopped while some jobs", UserWarning))
                 if self._client is not None:
@@ -260,6 +260,8 @@ class Pool:
                     self._executor = self._client.get_executor(pure=False, **one)
                 else:
                     self._executor = ThreadPoolExecutor(self.jobs) if self._threads else make_executor(self.jobs)
+            if self._client is None and not self._threads:
+                starting.enter_context(_without_interrupts())
             return self._executor.submit(function, *arguments)
 
     def run(self, work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
@@ -305,6 +307,22 @@ def make_executor(jobs: int) -> Executor:
         max_workers=jobs, initializer=_init_process, initargs=(os.getpid(),), env=SINGLE_THREADED
     )
     return executor
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Start processes that Ctrl-C does not reach; before `_init_process` it would end them with a traceback."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # its start, which is that of the first process, would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -399,6 +417,8 @@ def _init_process(parent: int) -> None:
 
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize  # loky would restart the process, as if memory leaked
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()
 
 

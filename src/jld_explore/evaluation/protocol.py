@@ -128,6 +128,17 @@ class EvaluatorSettings:
         return self.use_batch_solver and self.model.supports_bounds_over_labellings
 
 
+class CutShort(list[Evaluation]):
+    """Evaluations that were finished before one ended in an error, to be raised once they are recorded."""
+
+    def __init__(self, finished: Iterable[Evaluation], error: Exception) -> None:
+        super().__init__(finished)
+        self.error = error
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (list(self), self.error)
+
+
 class LabellingEvaluator(Protocol):
     """Evaluator of one assembly's labellings, each by its own alone, for one thread at a time."""
 

@@ -30,6 +30,7 @@ from jld_explore.evaluation.cases import IncumbentFront
 from jld_explore.evaluation.pool import deferred_signals
 from jld_explore.evaluation.protocol import (
     COLUMNS,
+    CutShort,
     Evaluation,
     Rows,
     checksums,
@@ -514,6 +515,8 @@ class RecordedEvaluator:
                         found[position] = evaluation
                     self._report(evaluations, labellings[missing[part]])
                     until_first.close()
+                    if isinstance(evaluations, CutShort):
+                        raise evaluations.error
                     if self._deadline is not None and self._deadline.passed():
                         break
         complete = [evaluation for evaluation in found if evaluation is not None]

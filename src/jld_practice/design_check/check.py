@@ -29,6 +29,7 @@ from jld_core import (
     build_assembly,
     one_thread,
     parse_scene,
+    tolerances,
 )
 from jld_core.limit import FIELD_SECONDS, CaseBounds, number
 from jld_core.mechanics import require_materials
@@ -365,7 +366,7 @@ class _Search:
         """Return least bounds of all assignments with the worst, and whether all stand without live load."""
         grid = np.array(list(itertools.product(*self.ends))).reshape(2 ** len(self.names), -1)
         forwards, backwards = self.bounds().of(grid), self.bounds(-1.0).of(grid)
-        worst = int(np.argmin(np.where(np.isnan(forwards.high), np.inf, forwards.high)))
+        worst = _first_least(np.where(np.isnan(forwards.high), np.inf, forwards.high))
         falls = np.isneginf(backwards.high) | np.isneginf(forwards.high)
         bounded = ~np.isneginf(backwards.low) & ~np.isneginf(forwards.low)
         if falls.any() and not np.isneginf(forwards.high).any():
@@ -381,13 +382,14 @@ class _Search:
             values = start
             for _ in range(_STEPS):
                 limit = function.at_values(values)
-                if np.isin(values, self.ends).all() and limit.value < best:
+                if np.isin(values, self.ends).all() and _first_least(np.array([best, limit.value])):
                     best, worst = limit.value, values
                 if limit.gradient is None:
                     break
                 # The power of a part in the mechanism is minus the rate of λ with its factor.
                 rate = limit.gradient
-                following = np.where(rate > 0.0, self.ends[:, 0], np.where(rate < 0.0, self.ends[:, 1], values))
+                idle = tolerances.GAP * abs(rate).max(initial=0.0)
+                following = self.ends[np.arange(len(rate)), np.where(rate < -idle, 1, 0)]
                 if np.array_equal(following, values):
                     break
                 values = following
@@ -410,6 +412,12 @@ class _Search:
         half = 0.5 * (self.ends[:, 1] - self.ends[:, 0])
         parts = (half[:, None, None] * self.loads[:, free]).reshape(len(half), -1) / template.scaling.row.ravel()
         return template.scaling.load * robust_factor(template, self.labels, parts)
+
+
+def _first_least(values: Floats) -> int:
+    """Return the place of the first value within a bracket of the least: which of those alike is least is rounding."""
+    least = values.min()
+    return int(np.argmax(values <= (least + tolerances.GAP * abs(least) if np.isfinite(least) else least)))
 
 
 def robust_factor(template: Template, labels: Bits, parts: Floats) -> float:
@@ -737,7 +745,7 @@ def _worst(cases: tuple[CaseCheck, ...]) -> CaseCheck:
     else:
         group = list(cases)
     least = max(one.range[0] for one in group)
-    return next(one for one in group if one.range[1] >= least)
+    return next(one for one in group if one.range[1] >= least * (1.0 - tolerances.GAP))  # of those alike the first
 
 
 def _of_case(solution: Solution, case: CaseCheck) -> LimitAnalysisResult | None:
