@@ -19,7 +19,7 @@ from jld_core import Scene, build_assembly, parse_scene, samples
 from jld_core.geometry import planar_contacts
 from jld_core.models import cost_estimate
 from jld_explore import ExploreSettings, explore
-from jld_explore.cli import ending
+from jld_explore.cli import check, ending
 from jld_explore.drivers import DRIVERS
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 
@@ -111,7 +111,7 @@ def test_memory_that_runs_out_is_one_line(tmp_path: Path, monkeypatch: pytest.Mo
     def fail(*_: object) -> None:
         raise MemoryError("Unable to allocate 61.0 GiB for an array")
 
-    monkeypatch.setattr("jld_explore.cli.check.load_scene", fail)
+    monkeypatch.setattr(check, "load_scene", fail)
     outcome = jld("check", tmp_path / "scene.json")
     assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
     assert outcome.err.startswith(

@@ -480,7 +480,7 @@ def test_every_drawing_has_a_row() -> None:
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", CALLS)
 def test_drawing(name: str, made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_views.figures.FRAMES", 2)
+    monkeypatch.setattr(figures, "FRAMES", 2)
     try:
         figure = CALLS[name](drawings()[name], made, tmp_path)
     except InputError:

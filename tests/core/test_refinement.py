@@ -29,7 +29,7 @@ from jld_core import (
 )
 from jld_core.fields import problem
 from jld_core.refinement import arrangement, crack_cells, refine
-from jld_core.scene.uncertain import uncertain_values, with_means
+from jld_core.scene import uncertain
 from jld_explore import search_space
 from jld_practice.design import DesignOptions, read_outline, with_loads
 from jld_practice.design.tessellations import TriangleStresses, aligned_cells, stresses_of_body
@@ -249,7 +249,7 @@ def test_what_is_uncertain_is_shared_by_its_mean(stone: dict[str, Any], load: di
     document["materials"]["inner"]["tensile_strength"] = {"mean": 100.0, **UNCERTAIN, "each": True}
     if "density" in stone:
         del document["elements"][1]["weight"]
-    means, stated = parse_scene(with_means(document)), parse_scene(document)
+    means, stated = parse_scene(uncertain.with_means(document)), parse_scene(document)
     assert solve(document, cracks="cells:0.5").load_factor == solve(means, cracks="cells:0.5").load_factor
     with pytest.raises(InputError, match=f"{where}: it is uncertain"):
         refine(stated, (0.5,))
@@ -258,7 +258,9 @@ def test_what_is_uncertain_is_shared_by_its_mean(stone: dict[str, Any], load: di
     )
     assert refine(stated, (2.0,)).notes == ()
     whole = refine(stated, (2.0,)).scene
-    assert [value for _, value in uncertain_values(whole)] == [value for _, value in uncertain_values(stated)]
+    assert [value for _, value in uncertain.uncertain_values(whole)] == [
+        value for _, value in uncertain.uncertain_values(stated)
+    ]
 
 
 def test_moving_loads_stay_and_pressure_is_split_with_its_element() -> None:

@@ -19,8 +19,8 @@ from cases import CASES, DOWN, box, grid_assembly, grid_document
 from cases import scene_in_space as scene
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene
 from jld_core.batch import batch_solver
+from jld_core.limit import case_relaxation
 from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
-from jld_core.limit.case_relaxation import Relaxation
 from jld_explore import search_space
 from jld_explore.drivers.exact.conflict_generation import conflict_of
 from jld_explore.drivers.exact.context import possible_blocks
@@ -61,10 +61,10 @@ def crushed() -> Assembly:
     return spatial(materials={"dry": dry, "inner": inner})
 
 
-def relaxed(name: str) -> tuple[Assembly, LimitAnalysis, Relaxation]:
+def relaxed(name: str) -> tuple[Assembly, LimitAnalysis, case_relaxation.Relaxation]:
     assembly = assemblies()[name]
     analysis = LimitAnalysis(assembly)
-    return assembly, analysis, Relaxation(analysis)
+    return assembly, analysis, case_relaxation.Relaxation(analysis)
 
 
 @pytest.mark.sampled(8)
@@ -151,7 +151,7 @@ def test_a_face_that_may_crush_is_taken_as_its_hull() -> None:
     is the tangent m = (1 − 2 Nt/C)(N + T) up to Nt = √(T² + TC) − T (docs/method.md (2.3), (2.5), (6.3))."""
     strengths = {"tension": 1e3, "shear": 1e5, "friction": 5.0, "crush_dry": 1e4, "crush_inner": 1e4}
     assembly = grid_assembly(["a", "#"], **strengths)
-    relaxation = Relaxation(LimitAnalysis(assembly))
+    relaxation = case_relaxation.Relaxation(LimitAnalysis(assembly))
     face, weight = 0.01, assembly.total_dead
     tension, crush = 1e3 * face, 1e4 * face
     touching = np.sqrt(tension * (tension + crush)) - tension
@@ -168,7 +168,7 @@ def test_a_face_that_may_crush_is_taken_as_its_hull() -> None:
 @pytest.mark.parametrize("name", ["wall", "crushable wall", "in space"])
 def test_a_batch_is_refuted_as_one_by_one(name: str) -> None:
     assembly = assemblies()[name]
-    relaxation = Relaxation(LimitAnalysis(assembly))
+    relaxation = case_relaxation.Relaxation(LimitAnalysis(assembly))
     rng = np.random.default_rng(2)
     m = len(assembly.interfaces)
     rows, undecided = rng.random((12, m)) < 0.5, rng.random((12, m)) < 0.3
@@ -187,7 +187,7 @@ def test_a_batch_is_refuted_as_one_by_one(name: str) -> None:
 def memory_grown() -> tuple[int, int]:
     """How many labellings 80 calls shrink and keep something of, and bytes in use after them beyond those after 21."""
     assembly = grid_assembly(["aaaaaa"] * 7 + ["######"])
-    relaxation = Relaxation(LimitAnalysis(assembly))
+    relaxation = case_relaxation.Relaxation(LimitAnalysis(assembly))
     rng, first, resident = np.random.default_rng(0), 0, 0
     kept: list[Any] = []
     free = np.ones(len(assembly.interfaces), dtype=bool)
@@ -218,7 +218,7 @@ def test_stored_conflicts_do_not_keep_workspaces_in_memory() -> None:
     assert grown < 20e6
 
 
-class _Slow(Relaxation):
+class _Slow(case_relaxation.Relaxation):
     """A relaxation between whose reading and writing of `solves` other threads have their turn."""
 
     solved = 0
@@ -255,7 +255,7 @@ def test_no_solve_of_several_threads_is_lost() -> None:
 def test_threads_take_turns_at_the_conic_solver(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of each relaxation, whoever calls it; two relaxations do not wait for one another."""
     monkeypatch.setenv("JLD_KERNEL", "off")
-    relaxation = Relaxation(LimitAnalysis(assemblies()["wall"]))
+    relaxation = case_relaxation.Relaxation(LimitAnalysis(assemblies()["wall"]))
     m = len(relaxation.template.assembly.interfaces)
     route, inside, most = relaxation._solver, [], []
 
@@ -480,7 +480,7 @@ def test_rows_and_rays_state_the_same(name: str, monkeypatch: pytest.MonkeyPatch
 def test_in_space_blocks_bound_closer_than_faces() -> None:
     case = case_named("cubes")
     every = np.ones(len(case.analysis.template.assembly.interfaces), dtype=bool)
-    faces = Relaxation(case.analysis).bound(every, every)
+    faces = case_relaxation.Relaxation(case.analysis).bound(every, every)
     found = case.relaxation.choose(np.ones(len(case.blocks), dtype=bool), 0.0, faces)
     assert max(case.load) < found.bound < 0.9 * faces
 

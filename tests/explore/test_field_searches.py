@@ -389,13 +389,13 @@ def test_labellings_evaluated_together_have_the_bounds_of_each_alone(monkeypatch
         return together(self, some)
 
     monkeypatch.setattr(field_bounds.CoarseBounds, "both", watched)
-    monkeypatch.setattr("jld_explore.evaluation.field_evaluator._SECONDS", 1e9)
+    monkeypatch.setattr(field_evaluator, "_SECONDS", 1e9)
     found = evaluator.evaluate_all(labellings)
     assert sizes == [1, 2, 4, 2]
     assert [one.status for one in found] == [one.status for one in alone]
     bounds, expected = (np.array([(one.low, one.high) for one in some]) for some in (found, alone))
     assert np.array_equal(bounds, expected, equal_nan=True)
-    monkeypatch.setattr("jld_explore.evaluation.field_evaluator._SECONDS", 0.0)
+    monkeypatch.setattr(field_evaluator, "_SECONDS", 0.0)
     sizes.clear()
     evaluator.evaluate_all(labellings)
     evaluator.evaluate_all(labellings)

@@ -25,7 +25,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from cases import dry_and_inner, grid_document
 from jld_core import Scene, build_assembly, parse_scene
 from jld_core.batch import batch_solver, chosen
-from jld_core.limit.case_relaxation import Relaxation, relaxation_of
+from jld_core.limit import case_relaxation
 from jld_explore import Driver, Exploration, ExploreSettings, Progress, StopReason, explore, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.drivers.exact.driver import MinimumCount
@@ -274,10 +274,14 @@ def test_to_ask_why_a_study_ends_changes_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize("lowered", [40, pytest.param(10**9, marks=pytest.mark.long)])
 def test_a_bound_recorded_too_low_is_corrected(lowered: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The largest recomputed bound counts, and the search goes on from it to the end."""
-    left, sound = [lowered], Relaxation._refutations
+    left, sound = [lowered], case_relaxation.Relaxation._refutations
 
     def low(
-        self: Relaxation, velocities: np.ndarray, labels: np.ndarray, undecided: np.ndarray, limits: np.ndarray
+        self: case_relaxation.Relaxation,
+        velocities: np.ndarray,
+        labels: np.ndarray,
+        undecided: np.ndarray,
+        limits: np.ndarray,
     ) -> Any:
         found = sound(self, velocities, labels, undecided, limits)
         for k, one in enumerate(found):
@@ -286,7 +290,7 @@ def test_a_bound_recorded_too_low_is_corrected(lowered: int, tmp_path: Path, mon
                 found[k] = replace(one, bound=0.99 * one.bound)
         return found
 
-    monkeypatch.setattr(Relaxation, "_refutations", low)
+    monkeypatch.setattr(case_relaxation.Relaxation, "_refutations", low)
     done, driver = search(LOST, tmp_path / "out", jobs=1, by_blocks="off")
     best = 0.522868698
     assert driver._corrections
@@ -301,7 +305,7 @@ def test_recorded_bounds_are_recomputed_alike(seed: int) -> None:
     """Random boxes in space with inner friction: what refutes a labelling says the same when it is weighed again."""
     rng = np.random.default_rng(seed)
     assembly = build_assembly(parse_scene(boxes(rng)))
-    relaxation = relaxation_of(assembly)
+    relaxation = case_relaxation.relaxation_of(assembly)
     free = assembly.free_faces
     labels = rng.random((40, len(free))) < rng.random((40, 1))
     labels[:, ~free] = assembly.labels[~free]

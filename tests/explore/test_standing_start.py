@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from cases import box, every_layout, grid_document
-from jld_core import Status, build_assembly, parse_scene
-from jld_core.limit.options import SolveOptions
+from jld_core import SolveOptions, Status, build_assembly, parse_scene
 from jld_explore import ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.drivers.searcher import Searcher
