@@ -20,11 +20,9 @@ from cases import scene_in_space as scene
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene
 from jld_core.batch import batch_solver
 from jld_core.limit import case_relaxation
-from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
 from jld_explore import search_space
+from jld_explore.drivers import DRIVERS
 from jld_explore.drivers.exact.conflict_generation import conflict_of
-from jld_explore.drivers.exact.context import possible_blocks
-from jld_explore.drivers.exact.proof_state import Conflict
 from proofs import cp
 
 OPEN = 5
@@ -113,7 +111,7 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
     finite = known[np.isfinite(known)]
     threshold = float(np.quantile(finite, 0.9)) if finite.size else 1.0
     found = [conflict_of(relaxation, row, np.ones(m, dtype=bool), threshold) for row in rows[:25]]
-    conflicts = [c for c in found if c is not None]
+    conflicts = [(c.faces, c.labels, c.bound) for c in found if c is not None]
     if relaxation.batched:
         asked = batch_solver.ConflictRequest(
             rows[:25],
@@ -135,14 +133,14 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
         for one in (*whole, *parts):
             if one.bound is not None:
                 faces = np.flatnonzero(one.decided)
-                conflicts.append(Conflict(faces, rows[one.labelling][faces], min(one.bound, threshold)))
+                conflicts.append((faces, rows[one.labelling][faces], min(one.bound, threshold)))
     assert conflicts
-    assert np.mean([len(c.faces) for c in conflicts]) < 0.8 * m
+    assert np.mean([len(faces) for faces, *_ in conflicts]) < 0.8 * m
     ruled_out = 0
-    for conflict in conflicts:
-        agree = np.all(rows[:, conflict.faces] == conflict.labels, axis=1)
+    for faces, labels, bound in conflicts:
+        agree = np.all(rows[:, faces] == labels, axis=1)
         ruled_out += int(agree.sum())
-        assert np.all(known[agree] <= conflict.bound * (1.0 + 1e-9) + 1e-12)
+        assert np.all(known[agree] <= bound * (1.0 + 1e-9) + 1e-12)
     assert ruled_out >= len(conflicts)
 
 
@@ -342,17 +340,22 @@ class Case:
         scene = parse_scene(document)
         assembly = build_assembly(scene)
         space = search_space(scene, assembly)
-        blocks = possible_blocks(space)
+        blocks = DRIVERS["exact"](space).context.blocks
         self.blocks, self.analysis = blocks, LimitAnalysis(assembly)
         self.wedges = self.analysis.template.yield_set.coulomb_wedge(dry=True) is not None
-        self.relaxation = BlockRelaxation(self.analysis, blocks.members, blocks.inside)
-        every = np.ones(len(blocks), dtype=bool)
+        self.relaxation = self.made()
+        every = np.ones(len(self.blocks), dtype=bool)
         self.choices = list(segmentations(blocks, set(assembly.elements.free.tolist()), every))
         self.load = []
         for chosen in self.choices:
             proof = self.analysis.prove(blocks.labelling(space, np.array(chosen)))
             low = {Status.COLLAPSE: proof.low, Status.LOCKED: np.inf}.get(proof.status, -np.inf)
             self.load.append(low)
+
+    def made(self) -> Any:
+        """A relaxation by blocks of its own."""
+        members, inside = self.blocks.members, self.blocks.inside
+        return case_relaxation.block_relaxation_of(self.analysis.assembly, members, inside, [self.analysis])
 
 
 @cache
@@ -462,7 +465,7 @@ def test_one_cell_slides_at_its_friction_or_tips() -> None:
     for friction, known in ((0.4, 0.4), (3.0, 1.0)):
         assembly = grid_assembly(["a", "#"], friction=friction)
         analysis = LimitAnalysis(assembly)
-        found = BlockRelaxation(analysis, [(0,)], [()]).choose(np.ones(1, dtype=bool), 0.0, 1e3)
+        found = case_relaxation.block_relaxation_of(assembly, [(0,)], [()]).choose(np.ones(1, dtype=bool), 0.0, 1e3)
         assert found.bound * analysis.template.scaling.load == pytest.approx(known, rel=1e-6)
 
 
@@ -471,7 +474,7 @@ def test_rows_and_rays_state_the_same(name: str, monkeypatch: pytest.MonkeyPatch
     """The program for faces of any yield set, of faces that are wedges."""
     case = case_named(name)
     monkeypatch.setattr(type(case.analysis.template.yield_set), "coulomb_wedge", lambda self, dry: None)
-    general = BlockRelaxation(case.analysis, case.blocks.members, case.blocks.inside)
+    general = case.made()
     every = np.ones(len(case.blocks), dtype=bool)
     rays, rows = (one.choose(every, 0.0, 10.0) for one in (case.relaxation, general))
     assert rows.bound == pytest.approx(rays.bound, rel=2e-5)
@@ -486,12 +489,11 @@ def test_in_space_blocks_bound_closer_than_faces() -> None:
 
 
 def test_confined_assemblies_have_no_relaxation_by_blocks() -> None:
-    analysis = LimitAnalysis(grid_assembly(["#aa#"], live=DOWN))
-    assert not applies_to(analysis)
+    blocks = [(1,), (2,)], [(), ()]
     with pytest.raises(TypeError, match="block relaxation does not apply"):
-        BlockRelaxation(analysis, [(0,), (1,)], [(), ()])
+        case_relaxation.block_relaxation_of(grid_assembly(["#aa#"], live=DOWN), *blocks)
     # unless all of their joints give way
-    assert applies_to(LimitAnalysis(grid_assembly(["#aa#"], live=DOWN, crush_dry=1e5, crush_inner=1e5)))
+    case_relaxation.block_relaxation_of(grid_assembly(["#aa#"], live=DOWN, crush_dry=1e5, crush_inner=1e5), *blocks)
 
 
 @pytest.mark.sampled(3)

@@ -19,8 +19,7 @@ from jld_core import InputError, build_assembly, parse_scene, solve, solve_many
 from jld_core.mechanics import scaling_of, yield_set
 from jld_core.mechanics.criteria import maps_criteria, row_yield
 from jld_explore import ExploreSettings, explore, sweep
-from jld_explore.verification import verify
-from jld_explore.verification.verify import Balances
+from jld_explore.verification import Checker, certificate, verify
 
 Document = dict[str, Any]
 
@@ -354,7 +353,8 @@ def test_certificates_weigh_the_dissipation_of_rows(name: str) -> None:
     assembly = build_assembly(document)
     faces, elements, q = assembly.interfaces, assembly.elements, assembly.freedoms
     scaling, rng, free = scaling_of(assembly), np.random.default_rng(2), int(assembly.elements.free[0])
-    sets, balances = yield_set(assembly, scaling), Balances(assembly)
+    checker = Checker(parse_scene(document), assembly, certificate.Claim(document, 1.0))
+    sets, balances = yield_set(assembly, scaling), checker.balances[0]
     sign = 1.0 if faces.b[0] == free else -1.0
     axes = np.array([faces.normal[0], faces.e1[0], faces.e2[0]][: assembly.dimension])
     arm, label, finite = faces.origin[0] - elements.centroid[free], np.array([name != "tee"]), 0

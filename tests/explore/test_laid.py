@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,8 @@ from cases import dry_and_inner, every_layout, grid_document
 from command import Command
 from jld_core import Deadline, InputError, SolveOptions, build_assembly, parse_scene, samples, solve
 from jld_explore import Exploration, ExploreSettings, explore, read_folder, search_space
-from jld_explore.drivers.exact.proof_check import Claim, _find_open_labelling
-from jld_explore.drivers.exact.proof_state import ProofState
+from jld_explore.drivers import make_driver
+from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.evaluation.cases import Standing
 from jld_explore.report import words
 from jld_explore.space import from_string
@@ -184,12 +185,12 @@ def test_a_search_for_an_order_that_stops_at_its_limit_proves_nothing(
         assert done.summary.proven is decided
         assert any("stopped at its limit" in text for text in done.summary.warnings) is not decided
         # the check of a proof by conflicts: all that is known to stand is evaluated, and no conflict refutes the rest
-        space = search_space(bridge, assembly)
-        state = ProofState(space)
-        state.hand_over([from_string(text) for text in done.results["labelling"]])
-        state.note_evaluated(state.take_waiting())
-        problem = _find_open_labelling(space, None, [], state, [Claim(None, 0.0)])
-        assert ("stopped at its limit" in problem) is not decided
+        driver: Any = make_driver("exact", search_space(bridge, assembly), 0)
+        rows = np.array([from_string(text) for text in done.results["labelling"]])
+        driver.restore(rows, evaluator_of(assembly, EvaluatorSettings()).evaluate_all(rows))
+        driver.state.hand_over(rows)
+        driver.found[None] = replace(driver.found[None], bound=done.summary.best)
+        assert ("stopped at its limit" in driver._checked().problem) is not decided
     with pytest.raises(InputError, match=r"no layout was found that stands at every stage .* stopped at its limit"):
         explore(scene_of(ARCH, assemble="standing", block_cells=[1, 2]), tmp_path / "none", settings)
 
