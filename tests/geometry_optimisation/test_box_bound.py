@@ -18,9 +18,17 @@ from structures import HEIGHT, Document, flat_arch, flat_arch_load
 from cases import ROUTE
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene
-from jld_geometry import BoxStructure, box_claim, check_boxes, check_proof, prove_box, verify_box, write_box_certificate
+from jld_geometry import (
+    BoxStructure,
+    box_claim,
+    boxes,
+    check_boxes,
+    check_proof,
+    prove_box,
+    verify_box,
+    write_box_certificate,
+)
 from jld_geometry.box_bound import _Search
-from jld_geometry.boxes import BoxClaim, Leaf, Split, is_at_least_zero, read
 
 PATHS = [{"at": [s * x, HEIGHT], "direction": [s, 0]} for x in (1.2, 0.2) for s in (1, -1)]
 """Paths of the tops of springings, then of the key's joints."""
@@ -232,7 +240,7 @@ def test_a_proof_passes_and_holds_the_closed_form(done: Any, tmp_path: Path) -> 
     file = tmp_path / "proof.jld"
     write_box_certificate(done, file)
     found = verify_box(file, parse_scene(arch_of_certificate(2)))
-    assert found.boxes == sum(isinstance(node, Leaf) for node in read(file)[1]) > 3
+    assert found.boxes == sum(isinstance(node, boxes.Leaf) for node in boxes.read(file)[1]) > 3
     best = flat_arch_load(1.3, 0.25, 0.1)
     assert best <= found.claim.bound == pytest.approx(done.bound, rel=2e-9)
     assert found.claim.bound < 1.2 * best
@@ -267,11 +275,11 @@ def test_signs_by_bernstein_coefficients() -> None:
     """(x − 1/2)² + e is positive, and proven so only where its coefficients (1/4 + e, e − 1/4, 1/4 + e) are."""
     for extra, proven in ((Fraction(1, 4), True), (Fraction(1, 5), False)):
         square = {(2,): Fraction(1), (1,): Fraction(-1), (0,): Fraction(1, 4) + extra}
-        assert is_at_least_zero(square, 1, 2) is proven
-    assert is_at_least_zero({}, 1, 2)
-    assert not is_at_least_zero({}, 1, 2, strictly=True)
-    assert not is_at_least_zero({(0, 0): -1}, 2, 2)
-    assert not is_at_least_zero({(1, 1): 1, (0, 0): Fraction(-1, 100)}, 2, 3)
+        assert boxes.is_at_least_zero(square, 1, 2) is proven
+    assert boxes.is_at_least_zero({}, 1, 2)
+    assert not boxes.is_at_least_zero({}, 1, 2, strictly=True)
+    assert not boxes.is_at_least_zero({(0, 0): -1}, 2, 2)
+    assert not boxes.is_at_least_zero({(1, 1): 1, (0, 0): Fraction(-1, 100)}, 2, 3)
 
 
 def wider(claim: Any) -> Any:
@@ -324,7 +332,10 @@ def test_a_claim_whose_scene_has_fill_is_refused() -> None:
         "materials": {"density": 1000, "gravity": 10, "dry": {"friction_coefficient": 0.9}},
         "loads": {"live": [{"body": [1, 0]}]},
     }
-    claim, tree = BoxClaim(scene, 1.01, ((0.0, 0.01),), ((((1.0, 1.0), (0.0, 0.0)),),)), [Leaf(0, 0, {1: (0, 1, -1)})]
+    claim, tree = (
+        boxes.BoxClaim(scene, 1.01, ((0.0, 0.01),), ((((1.0, 1.0), (0.0, 0.0)),),)),
+        [boxes.Leaf(0, 0, {1: (0, 1, -1)})],
+    )
     assert check_boxes(parse_scene(scene), claim, tree) == 1
     soil = {"level": 2.0, "density": 2000, "friction_angle": 30, "passive": 0, "active": 0, "passive_cohesion": 0}
     with pytest.raises(InputError, match="fill"):
@@ -342,7 +353,7 @@ def test_a_tree_with_another_number_is_refused(done: Any) -> None:
     """Splits, and every velocity of the leaf that the bound rests on, changed by a hundredth of the largest."""
     claim, nodes = box_claim(done)
     scene = parse_scene(claim.scene)
-    splits = [k for k, node in enumerate(nodes) if isinstance(node, Split)]
+    splits = [k for k, node in enumerate(nodes) if isinstance(node, boxes.Split)]
     leaf = tight(scene, claim, nodes)
 
     def refused(changed: list[Any]) -> bool:
@@ -355,13 +366,13 @@ def test_a_tree_with_another_number_is_refused(done: Any) -> None:
     assert not refused(nodes)
     for k in splits:
         one = nodes[k]
-        assert isinstance(one, Split)
+        assert isinstance(one, boxes.Split)
         assert refused([*nodes[:k], replace(one, at=10.0), *nodes[k + 1 :]])
         assert refused([*nodes[:k], replace(one, axis=7), *nodes[k + 1 :]])
     assert refused(nodes[:-1])
     assert refused([*nodes, nodes[-1]])
     one = nodes[leaf]
-    assert isinstance(one, Leaf)
+    assert isinstance(one, boxes.Leaf)
     assert refused([*nodes[:leaf], replace(one, case=1), *nodes[leaf + 1 :]])
     outcome = []
     for element, velocity in one.moves.items():
