@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from cases import box, grid_document, wall_in_space
+from cases import box, four_columns, grid_document, space_of, wall_in_space
 from cases import scene_in_space as scene
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve, solve_many
 from jld_core.mechanics import scaling_of, yield_set
-from jld_core.mechanics.criteria import maps_criteria, row_yield
 from jld_explore import ExploreSettings, explore, sweep
 from jld_explore.verification import Checker, certificate, verify
 
@@ -252,7 +251,7 @@ def test_sets_of_six_resultants() -> None:
         scene([GROUND, box("a", [0, 0, 0], [2, 1, 1])]), "dry", friction=shear, bending={}, rows=rows
     )
     assembly = build_assembly(parse_scene(document))
-    sets = row_yield(assembly, scaling_of(assembly))
+    sets = yield_set(assembly, scaling_of(assembly))
     C, d = sets.dry.C[0], sets.dry.d[0]
     pattern = sets.hull().pattern
     finite = 0
@@ -274,16 +273,11 @@ def test_sets_of_six_resultants() -> None:
     assert finite > 10
 
 
-def test_maps_of_grooves() -> None:
-    """A turn by 90° maps grooves alike both ways alone, a mirror those along or across it."""
-    for second, way, turns, mirrors in ((0.6, 0, True, True), (0.3, 0, False, True), (0.3, 2, False, False)):
-        direction = [1, way, 0]
-        friction = {"coefficients": [0.6, second], "direction": direction, "cone": "product"}
-        document = with_surface(scene([GROUND, box("a", [-1, -1, 0], [1, 1, 1])]), "dry", friction=friction, bending={})
-        assembly = build_assembly(parse_scene(document))
-        turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-        assert maps_criteria(assembly, np.array([0]), turn) is turns
-        assert maps_criteria(assembly, np.array([0]), np.diag([-1.0, 1.0, 1.0])) is mirrors
+@pytest.mark.parametrize(("second", "way", "number"), [(0.6, 0, 8), (0.3, 0, 4), (0.3, 2, 2)])
+def test_symmetries_of_grooves(second: float, way: float, number: int) -> None:
+    """Turns by 90° map grooves alike both ways alone, mirrors those along or across them; half a turn all."""
+    friction = {"coefficients": [0.6, second], "direction": [1, way, 0], "cone": "product"}
+    assert len(space_of(four_columns({"surface": {"friction": friction, "bending": {}}})).group) == number
 
 
 # --- searches and proofs -----------------------------------------------------------------------------------

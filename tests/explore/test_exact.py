@@ -7,7 +7,6 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import DOWN, box, canonical, every_layout, grid_document
+from cases import DOWN, box, canonical, every_layout, grid_document, replace_processes
 from cases import scene_in_space as scene
 from jld_core import LimitAnalysis, Scene, SolveOptions, Status, build_assembly, parse_scene
 from jld_explore import Evaluation, Exploration, ExploreSettings, SearchSpace, explore, search_space
@@ -588,7 +587,7 @@ def test_what_blocks_rule_out_is_no_better_and_the_optimum_the_same(
 
 @pytest.mark.parametrize("late", [False, True])
 def test_a_long_program_is_solved_elsewhere_and_given_up_in_time(late: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
+    replace_processes(monkeypatch)
     monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._DEADLINE_CHECK_SECONDS", 0.0)
     scene = scenes()["in space"]
     space = search_space(scene, build_assembly(scene))

@@ -22,7 +22,7 @@ from benchmarks.claims import run as run_claim
 from benchmarks.claims import searches
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from cases import dry_and_inner, grid_document
+from cases import dry_and_inner, grid_document, replace_processes
 from jld_core import Scene, build_assembly, parse_scene
 from jld_core.batch import batch_solver, chosen
 from jld_core.limit import case_relaxation
@@ -372,7 +372,7 @@ def prove(scene: Scene, folder: Path, settings: ExploreSettings = TWO, **options
 @pytest.fixture
 def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Threads in the place of processes: each takes a second or two to start."""
-    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
+    replace_processes(monkeypatch)
     monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.TASK_SECONDS", 0.0)
 
 
@@ -498,7 +498,7 @@ def mortal(jobs: int) -> ThreadPoolExecutor:
 @pytest.mark.usefixtures("_in_threads")
 def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Mortal, "made", 0)
-    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", mortal)
+    replace_processes(monkeypatch, mortal)
     scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
     one, _ = prove(scene, tmp_path / "one", SOLO_PROGRAMS)
     two, _ = prove(scene, tmp_path / "two")
