@@ -22,15 +22,14 @@ from manifold3d import CrossSection, Manifold, Mesh64, OpType
 from scipy.spatial import ConvexHull
 
 from command import Command
-from jld_core import InputError, ParameterError, build_assembly, checkpoint, parse_scene
+from jld_core import InputError, ParameterError, build_assembly, parse_scene
 from jld_cut import Options, cut, meshes, partitions
 from jld_cut import cells as of_cells
 from jld_cut import keys as of_keys
 from jld_cut import parts as of_parts
 from jld_cut import search as of_search
-from jld_cut.clock import Clock
 from jld_cut.cut import carries, verdict
-from jld_cut.families import axis_of, compressed
+from jld_cut.families import compressed
 from jld_cut.fields import scene_of_parts
 from jld_cut.scene import outside, scene_of, shares
 from jld_explore import ExploreSettings, explore
@@ -219,11 +218,14 @@ def test_a_round_joint_has_few_corners() -> None:
 
 
 def test_axis_and_stress_of_simple_bodies() -> None:
-    found = axis_of(Manifold.cylinder(1.0, 2.0, 2.0, 40) - Manifold.cylinder(3.0, 1.5, 1.5, 40, True))
+    wish = Options((9.0,) * 3, DOWN, cells=6, families=("radial",)).wish()
+    tube = Manifold.cylinder(1.0, 2.0, 2.0, 40) - Manifold.cylinder(3.0, 1.5, 1.5, 40, True)
+    found = of_search.family_of("radial", "tube", of_search.body_of(tube, wish), wish)
     assert found is not None
-    assert abs(found[1] @ np.array([0, 0, 1.0])) == pytest.approx(1.0)
-    assert found[0][:2] == pytest.approx(np.zeros(2), abs=1e-6)
-    assert axis_of(bench()) is None
+    through = [plane for plane in found.cutting.planes if abs(plane[2]) < 1e-6]
+    assert len(through) > 2
+    assert [plane[3] for plane in through] == pytest.approx([0.0] * len(through), abs=1e-6)
+    assert of_search.family_of("radial", "bench", of_search.body_of(bench(), wish), wish) is None
     pillar = box(1.0, 1.0, 3.0)
     corners = np.array([[x, y, 0.0] for x in (0.1, 0.5, 0.9) for y in (0.1, 0.5, 0.9)])
     _, size, direction = compressed(pillar, corners, [], np.array([0.0, 0.0, -1.0]), 200)
@@ -624,7 +626,8 @@ def test_a_cut_always_reaches_its_verdict(tmp_path: Path, seconds: float) -> Non
     assert found == json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert found["verdict"].startswith(f"{found['parts']} parts carry ")
     assert found["fits"]
-    assert found["left_out"]
+    assert "report.html" in found["left_out"]  # which needs more
+    assert "keys" in found["left_out"] or seconds > 1.0
     assert len(list((tmp_path / "out" / "parts").glob("*.stl"))) == found["parts"]
 
 
@@ -997,18 +1000,6 @@ def test_a_cut_names_its_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert found["watertight"]
     assert found["can_be_laid"]
     assert not found["left_out"]
-
-
-def test_a_stage_without_time_is_named() -> None:
-    def endless() -> None:
-        while True:
-            checkpoint()
-
-    clock = Clock(0.2)
-    assert clock.run("short", 1.0, lambda: 7) == 7
-    assert clock.run("long", 0.5, endless) is None
-    assert clock.run("large", 1.0, lambda: 7, least=60.0) is None
-    assert clock.left_out == ["long", "large"]
 
 
 def test_regions_stay_whole() -> None:
