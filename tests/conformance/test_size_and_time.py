@@ -84,10 +84,8 @@ def test_a_scene_too_large_for_the_memory_is_refused(
     if faces.startswith("at least"):
         monkeypatch.delattr("jld_explore.cli.check.build_assembly")
     out = ("--out", tmp_path / "out") if command == "explore" else ()
-    outcome = jld(command, file, *out)
-    assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
-    assert (
-        f"{file}: {faces} 0.2 GB of memory to evaluate; expected a scene that the {limit / 1e9:.1f} GB" in outcome.err
+    jld(command, file, *out).refused(
+        f"{file}: {faces} 0.2 GB of memory to evaluate; expected a scene that the {limit / 1e9:.1f} GB"
     )
     assert not (tmp_path / "out").exists()
 

@@ -430,10 +430,8 @@ def test_doors_of_a_surface(jld: Command, tmp_path: Path) -> None:
     """What knows rows takes a surface, with load cases too; what does not refuses it in one line that names it."""
     path, document = tmp_path / "scene.json", deepcopy(SURFACES["plane"])
     path.write_text(json.dumps(document), encoding="utf-8")
-    for name, command in REFUSING.items():
-        done = jld(*(part.format(scene=path, out=tmp_path / "out") for part in command))
-        assert (done.code, done.err.count("\n")) == (2, 1), name
-        assert 'surface"' in done.err, name
+    for command in REFUSING.values():
+        jld(*(part.format(scene=path, out=tmp_path / "out") for part in command)).refused('surface"')
     document["loads"] = {"cases": [{"name": str(k), "live": [{"body": [way, 0.0]}]} for k, way in enumerate((1, -1))]}
     path.write_text(json.dumps(document), encoding="utf-8")
     solved = json.loads(jld("solve", path, "--json").out)
