@@ -6,12 +6,26 @@ import copy
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jld_core import Assembly, LimitAnalysisResult, Route, Scene, Status, build_assembly, parse_scene, solve
+from jld_core import (
+    Assembly,
+    LimitAnalysisResult,
+    Route,
+    Scene,
+    SolveOptions,
+    Status,
+    build_assembly,
+    parse_scene,
+    solve,
+)
+
+if TYPE_CHECKING:
+    import pytest
 
 Document = dict[str, Any]
 ROOT_CELL = 0.1
@@ -102,6 +116,19 @@ def every_layout(space: Any) -> Any:
 
     none = np.empty((0, len(space.fixed)), dtype=bool)
     return np.concatenate([none, *(rows for rows, _ in make_driver("enumeration", space, 0).batches())])
+
+
+def replace_processes(monkeypatch: pytest.MonkeyPatch, executor: Callable[..., Any] = ThreadPoolExecutor) -> None:
+    """Let pools have threads, or another executor, where they would start processes, which takes seconds."""
+    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", executor)
+
+
+def standing_of(built: Assembly, labellings: Any, low: Any = None, *deadline: Any, **options: Any) -> Any:
+    """Whether labellings (k, m) stand at λ = 0, as searches ask: 1, 0 or NaN (k,); low: λ known, (k,)."""
+    from jld_explore.evaluation.cases import Standing
+
+    known = np.full(len(labellings), np.nan) if low is None else low
+    return Standing(built, SolveOptions()).of(labellings, known, *deadline, **options)
 
 
 def counts_of(built: Assembly, labellings: Any, graph: Any = None, shapes: Any = None) -> dict[str, Any]:
@@ -216,6 +243,13 @@ def stools(outlines: list[Array], height: float = 1.5, **keys: Any) -> Assembly:
         shift += float(np.ptp(outline[:, 0])) + 1.0
     elements.append(box("slab", [-5, -5, -1], [shift + 5, 8, 0], support=True))
     return assembly_in_space(elements, **keys)
+
+
+def four_columns(dry: Document) -> Document:
+    """Four columns of two cubes, alike under turns by 90° and mirrors where their joints are."""
+    cells = [box(f"{x}{y}{z}", [x, y, z], [x + 1, y + 1, z + 1]) for x in (-2, 1) for y in (-2, 1) for z in (0, 1)]
+    slab = box("s", [-3, -3, -1], [3, 3, 0], support=True)
+    return scene_in_space([slab, *cells], live=[{"body": [0, 0, -1]}], materials={"dry": dry})
 
 
 def wall_in_space(rows: int, columns: int, wythes: int = 2, turn: ArrayLike | None = None) -> list[Document]:

@@ -29,6 +29,11 @@ class Outcome:
     out: str
     err: str
 
+    def refused(self, *words: str) -> None:
+        """Assert that a command ended with exit code 2, nothing on stdout, and one line on stderr with these words."""
+        assert (self.code, self.out, self.err.count("\n")) == (2, "", 1), self
+        assert [word for word in words if word not in self.err] == [], self.err
+
 
 Command = Callable[..., Outcome]
 """What the fixture `jld` is: `call` with the fixtures that it asks for."""

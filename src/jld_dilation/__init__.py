@@ -1,6 +1,8 @@
 """Collapse without dilation of one labelling: one solution, the lowest and highest found, a proven bound below all.
 
 - `ProximalOptions`: parameters of the fixed-point search
+- `certificate`: the exact check of a lower bound on all solutions
+- `modes`: the mechanisms, statics and regions that such a check speaks of
 - `options_of`: return the parameters that a model states
 - `prove`: prove λ without dilation of one labelling, as `jld_core` asks for it
 - `prove_zero_dilation`: the same with parameters, and the range of λ
@@ -10,10 +12,11 @@ Terms of the lower bounds are those of docs/method.md (4.6) to (4.9).
 
 from jld_core import Bits, LimitAnalysis, Model
 from jld_core.limit import Proof
+from jld_dilation import certificate, modes
 from jld_dilation.fixed_point_search import ProximalOptions
 from jld_dilation.range import prove_zero_dilation
 
-__all__ = ["ProximalOptions", "options_of", "prove", "prove_zero_dilation"]
+__all__ = ["ProximalOptions", "certificate", "modes", "options_of", "prove", "prove_zero_dilation"]
 
 
 def options_of(model: Model) -> ProximalOptions:

@@ -11,6 +11,7 @@
 - `Sine`: sine wave along a face
 - `TrustRegion`: parameters of the trust region
 - `box_claim`: claim and nodes of a certificate
+- `boxes`: claims and trees of boxes, their exact check and their files
 - `check_boxes`: check the tree of a certificate
 - `check_proof`: check a proof by exact arithmetic
 - `equal_corners`: pair equal outlines corner by corner
@@ -34,6 +35,7 @@ from typing import TYPE_CHECKING
 from jld_core import export_lazily
 
 if TYPE_CHECKING:
+    from jld_geometry import boxes
     from jld_geometry.box_bound import box_claim, check_proof, prove_box, write_box_certificate
     from jld_geometry.boxes import BoxStructure, check_boxes, verify_box
     from jld_geometry.convex_cells import EqualShapes, equal_corners, vertex_mesh
@@ -55,6 +57,7 @@ __all__ = [
     "Sine",
     "TrustRegion",
     "box_claim",
+    "boxes",
     "check_boxes",
     "check_proof",
     "equal_corners",
@@ -83,4 +86,5 @@ export_lazily(
         "moved_search": ["explore_and_move", "write_moved"],
         "search": ["move_joints", "GeometrySearch", "TrustRegion"],
     },
+    submodules=["boxes"],
 )

@@ -29,6 +29,7 @@ from jld_practice.design_check import design_check
 from jld_practice.reactions import thrust_ranges
 from jld_practice.reliability import ReliabilityOptions, analyse, structure_of
 from jld_studio import evaluate, make_page
+from jld_views import notebook
 
 Document = dict[str, Any]
 
@@ -695,7 +696,7 @@ def rows_for(door: str, every: bool) -> list[tuple[str, Document]]:
 def test_a_door_says_what_solve_says(
     door: str, every: bool, jld: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("jld_views.notebook.LARGEST", 0)  # no drawing
+    monkeypatch.setattr(notebook, "LARGEST", 0)  # no drawing
     wrong = []
     for number, (key, document) in enumerate(rows_for(door, every)):
         told = said(door, document, jld, tmp_path / str(number))

@@ -139,9 +139,7 @@ def test_a_file_format_is_read_and_written_by_its_ending(jld: Command, tmp_path:
     assert "materials" in done.out + done.err
     assert len((tmp_path / "out.boxes").read_text().splitlines()) >= 2
     drawn.write_text("a 0 0\n", encoding="utf-8")
-    done = jld("import", drawn, "-o", tmp_path / "wrong.json")
-    assert (done.code, done.err.count("\n")) == (2, 1)
-    assert "line 1: it is no box" in done.err
+    jld("import", drawn, "-o", tmp_path / "wrong.json").refused("line 1: it is no box")
 
 
 @pytest.mark.usefixtures("plugged")

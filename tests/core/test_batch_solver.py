@@ -16,8 +16,7 @@ from cases import CASES, SPATIAL, grid_assembly
 from command import Command
 from jld_core import Assembly, InputError, LimitAnalysis
 from jld_core.batch import batch_solver, build, library
-from jld_core.batch.library import LARGE_TRIES, TRIES
-from jld_core.limit.case_relaxation import Relaxation
+from jld_core.limit import case_relaxation
 from proofs import LAST_DIGITS, assert_proven, exact_margin, lanes_of
 
 PLANAR = list(CASES)
@@ -244,8 +243,8 @@ def test_variants_agree(kernels: dict[str, str], name: str) -> None:
 def test_settings_for_large_assemblies_give_the_same_bounds(kernel: str, name: str) -> None:
     analysis = analysis_of(name)
     asked = labellings(analysis.assembly, 12, seed=3)
-    plain = lanes_of(analysis, kernel, tries=TRIES).solve(asked)
-    found = lanes_of(analysis, kernel, tries=LARGE_TRIES).solve(asked, vectors=True)
+    plain = lanes_of(analysis, kernel, tries=library.TRIES).solve(asked)
+    found = lanes_of(analysis, kernel, tries=library.LARGE_TRIES).solve(asked, vectors=True)
     assert_proven(analysis, asked, found, 1e-9 if "strong" in name else LAST_DIGITS)
     both = (plain.verdict == batch_solver.PROVEN) & (found.verdict == batch_solver.PROVEN)
     assert both.sum() >= 0.9 * (plain.verdict == batch_solver.PROVEN).sum()
@@ -260,7 +259,7 @@ def test_many_cells_need_one_pass(kernel: str) -> None:
     """
     analysis = LimitAnalysis(grid_assembly(["a" * 22] * 22 + ["#" * 22], tension=2e6, shear=2e6, friction=0.75))
     asked = np.array([cases.small_blocks(analysis.assembly, seed) for seed in range(24)])
-    made = lanes_of(analysis, kernel, tries=LARGE_TRIES[:5], sampled_start=False)
+    made = lanes_of(analysis, kernel, tries=library.LARGE_TRIES[:5], sampled_start=False)
     found = made.solve(asked, vectors=True)
     once = (found.verdict == batch_solver.PROVEN) & (found.tries == 1)
     assert int((found.verdict == batch_solver.PROVEN).sum()) >= 22
@@ -274,7 +273,7 @@ def test_half_the_lanes_give_the_same_bounds(kernel: str, name: str, monkeypatch
     made = lanes_of(analysis, kernel)
     asked = labellings(analysis.assembly, 21)
     plain = made.solve(asked)
-    monkeypatch.setattr("jld_core.batch.library.NARROW", 0)
+    monkeypatch.setattr(library, "NARROW", 0)
     found = answers(made, asked)
     np.testing.assert_array_equal(found[2], plain.verdict)
     np.testing.assert_allclose(found[0], plain.low, rtol=1e-6)
@@ -289,7 +288,7 @@ def test_half_the_lanes_give_the_same_bounds(kernel: str, name: str, monkeypatch
 def test_answers_given_too_early_bound_all_the_same(kernel: str, most: int, name: str) -> None:
     analysis = analysis_of(name)
     asked = labellings(analysis.assembly, 16)
-    hasty = library.Try.from_buffer_copy(TRIES[0])
+    hasty = library.Try.from_buffer_copy(library.TRIES[0])
     hasty.most = most
     found = lanes_of(analysis, kernel, tries=(hasty,)).solve(asked)
     assert (found.verdict == batch_solver.OPEN).any()
@@ -348,10 +347,10 @@ def test_relaxations_in_lanes_have_the_bounds_of_the_conic_solver(
     loose = np.random.default_rng(4).random(asked.shape) < 0.5
     everything = np.full(len(asked), 1e12)
     monkeypatch.setenv("JLD_KERNEL", kernel)
-    relaxation = Relaxation(analysis)
+    relaxation = case_relaxation.Relaxation(analysis)
     together = relaxation.refute_all(asked, loose, everything)
     monkeypatch.setenv("JLD_KERNEL", "off")
-    plain = Relaxation(analysis).refute_all(asked, loose, everything)
+    plain = case_relaxation.Relaxation(analysis).refute_all(asked, loose, everything)
     for k, (one, other) in enumerate(zip(together, plain, strict=True)):
         assert one.bound == pytest.approx(other.bound, rel=1e-5 if name == "hulls" else 1e-6, abs=1e-9)
         alone = relaxation.refute(asked[k], loose[k], 1e12)
@@ -382,11 +381,11 @@ def test_undecided_joints_that_crush_are_bounded_by_rows_that_enclose_their_hull
     loose = np.random.default_rng(4).random(asked.shape) < 0.5
     everything = np.full(len(asked), 1e12)
     monkeypatch.setenv("JLD_KERNEL", kernel)
-    batched = Relaxation(analysis)
+    batched = case_relaxation.Relaxation(analysis)
     assert batched.batched
     together = batched.refute_all(asked, loose, everything)
     monkeypatch.setenv("JLD_KERNEL", "off")
-    hull = Relaxation(analysis).refute_all(asked, loose, everything)
+    hull = case_relaxation.Relaxation(analysis).refute_all(asked, loose, everything)
     finite = 0
     for k, (one, other) in enumerate(zip(together, hull, strict=True)):
         if one is None or other is None:

@@ -22,7 +22,7 @@ from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scen
 from jld_core.batch import chosen
 from jld_core.solvers import ClarabelSolver
 from jld_core.views import facts_of_result
-from jld_explore.report.tables import _ties, is_ahead
+from jld_explore.report import tables
 from proofs import noisy
 
 NAMES = ["wall", "beam", "arch", "crushable wall", "cantilever", "no friction", "very strong"]
@@ -221,18 +221,18 @@ def test_ranks_count_what_is_proven_stronger() -> None:
     """A wide bracket shares the rank of all that it overlaps, and keeps nothing else from its place."""
     narrow, rest = [[2.0] * 3, [1.5] * 3, [0.2, 0.2, 3.4], [1.5, 1.5 - 1e-9, 1.5 + 1e-9]], [[1.0, 1.0, 1.2]]
     value, low, high = np.array([*narrow, *rest, [math.nan] * 3]).T
-    group, level = _ties(value, low, high)
+    group, level = tables._ties(value, low, high)
     assert group.tolist() == [1, 2, 1, 2, 4, 0]
     assert level.tolist() == [1, 2, 4, 2, 3, 0]
     # chains share no rank: a tie is with the best of its group; a missing end is λ itself
     value = np.array([5.0, 4.9, 4.8, 3.0, np.nan, 3.0])
     low = np.array([4.85, 4.75, 4.7, 3.0, np.nan, np.nan])
     high = np.array([5.1, 4.95, 4.84, 3.0, np.nan, np.nan])
-    assert _ties(value, low, high)[0].tolist() == [1, 1, 2, 4, 0, 4]
+    assert tables._ties(value, low, high)[0].tolist() == [1, 1, 2, 4, 0, 4]
     table = pd.DataFrame({"rank": [1, 1, 3], "bracket_lo": [2.0, 0.2, 1.5], "bracket_hi": [2.0, 3.4, 1.5]})
-    assert not is_ahead(table, None, 1e-6)
-    assert is_ahead(table, 2.0, 1e-6)
-    assert is_ahead(table.assign(rank=[1, 2, 3]), None, 1e-6)
+    assert not tables.is_ahead(table, None, 1e-6)
+    assert tables.is_ahead(table, 2.0, 1e-6)
+    assert tables.is_ahead(table.assign(rank=[1, 2, 3]), None, 1e-6)
 
 
 # Locked is a claim about every part of a structure, however small its share of the live load (docs/method.md (3.14)).

@@ -13,10 +13,10 @@ import pytest
 from cases import dry_and_inner, grid_document
 from command import Command
 from jld_core import InputError, LimitAnalysis, SolveOptions, SolverError, Status, build_assembly, parse_scene, solve
-from jld_core.limit import CaseBounds, governing
-from jld_core.limit.case_relaxation import CaseRelaxation, Relaxation
+from jld_core.limit import CaseBounds, case_relaxation, governing
 from jld_core.models import CaseAnalysis
 from jld_core.program import Template
+from jld_core.solvers import HighsSolver
 
 ROWS = ["aab", "cbb", "###"]
 RIGHT, LEFT = [{"body": [1, 0]}], [{"body": [-1, 0]}]
@@ -99,8 +99,8 @@ def test_a_bound_of_any_case_bounds_the_factor() -> None:
     """Against all labellings: with everything undecided the bound is above the best governing factor."""
     cases = [{"name": "r", "live": RIGHT}, {"name": "l", "live": LEFT, "required": 1.7}]
     assembly = build_assembly(parse_scene(document(cases)))
-    each = [Relaxation(LimitAnalysis(case)) for case in assembly.by_case]
-    relaxation = CaseRelaxation(each, assembly.required.tolist())
+    each = [case_relaxation.Relaxation(LimitAnalysis(case)) for case in assembly.by_case]
+    relaxation = case_relaxation.CaseRelaxation(each, assembly.required.tolist())
     count = len(assembly.interfaces)
     free = assembly.free_faces
     values = []
@@ -165,7 +165,7 @@ def test_the_solver_must_support_every_load_case(monkeypatch: pytest.MonkeyPatch
         if len(asked) > 1:
             raise SolverError("the second case is too much")
 
-    monkeypatch.setattr("jld_core.solvers.highs.HighsSolver.require", refuse_second)
+    monkeypatch.setattr(HighsSolver, "require", refuse_second)
     assert "solver: the second case is too much" in jld("solve", tmp_path / "a.json", "--solver", "highs").err
 
 

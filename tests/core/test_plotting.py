@@ -480,7 +480,7 @@ def test_every_drawing_has_a_row() -> None:
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", CALLS)
 def test_drawing(name: str, made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_views.figures.FRAMES", 2)
+    monkeypatch.setattr(figures, "FRAMES", 2)
     try:
         figure = CALLS[name](drawings()[name], made, tmp_path)
     except InputError:
@@ -585,9 +585,7 @@ def test_jld_plot_writes_the_requested_format(tmp_path: Path, monkeypatch: pytes
     scene.write_text(parse_scene(small_scene()).model_dump_json(exclude_defaults=True))
     assert jld("plot", scene, "--format", "gif").code == 0
     assert (tmp_path / "small.gif").read_bytes().startswith(b"GIF8")
-    wrong = jld("plot", WALL, "--out", tmp_path / "wall.bmp")
-    assert wrong.code == 2
-    assert ".html" in wrong.err
+    jld("plot", WALL, "--out", tmp_path / "wall.bmp").refused(".html")
 
 
 def test_the_rules_of_drawing_are_those_of_the_pictures() -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import cases
 from cases import CASES, grid_assembly
-from jld_core import InputError, LimitAnalysis, LimitAnalysisResult, SolveOptions, Status, solve
+from jld_core import InputError, LimitAnalysis, LimitAnalysisResult, SolveOptions, Status, solve, solvers
 from jld_core.limit import result_of
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.program import ConicProgram, Template
@@ -150,7 +150,7 @@ def test_invalid_options_are_refused(options: dict[str, object], said: str) -> N
 
 def test_a_solver_that_is_not_installed_is_refused_and_not_advised(monkeypatch: pytest.MonkeyPatch) -> None:
     assert installed_solvers() == SOLVERS
-    monkeypatch.setattr("jld_core.solvers.find_spec", lambda name: None)
+    monkeypatch.setattr(solvers, "find_spec", lambda name: None)
     assert installed_solvers() == tuple(name for name in SOLVERS if name != "cvxpy")
     with pytest.raises(InputError, match=r"solver: cvxpy is not installed.*jld\[reference\]"):
         solve(grid_assembly(["aa", "##"]), solver="cvxpy")

@@ -19,12 +19,10 @@ from cases import CASES, DOWN, box, grid_assembly, grid_document
 from cases import scene_in_space as scene
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene
 from jld_core.batch import batch_solver
-from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
-from jld_core.limit.case_relaxation import Relaxation
+from jld_core.limit import case_relaxation
 from jld_explore import search_space
+from jld_explore.drivers import DRIVERS
 from jld_explore.drivers.exact.conflict_generation import conflict_of
-from jld_explore.drivers.exact.context import possible_blocks
-from jld_explore.drivers.exact.proof_state import Conflict
 from proofs import cp
 
 OPEN = 5
@@ -61,10 +59,10 @@ def crushed() -> Assembly:
     return spatial(materials={"dry": dry, "inner": inner})
 
 
-def relaxed(name: str) -> tuple[Assembly, LimitAnalysis, Relaxation]:
+def relaxed(name: str) -> tuple[Assembly, LimitAnalysis, case_relaxation.Relaxation]:
     assembly = assemblies()[name]
     analysis = LimitAnalysis(assembly)
-    return assembly, analysis, Relaxation(analysis)
+    return assembly, analysis, case_relaxation.Relaxation(analysis)
 
 
 @pytest.mark.sampled(8)
@@ -113,7 +111,7 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
     finite = known[np.isfinite(known)]
     threshold = float(np.quantile(finite, 0.9)) if finite.size else 1.0
     found = [conflict_of(relaxation, row, np.ones(m, dtype=bool), threshold) for row in rows[:25]]
-    conflicts = [c for c in found if c is not None]
+    conflicts = [(c.faces, c.labels, c.bound) for c in found if c is not None]
     if relaxation.batched:
         asked = batch_solver.ConflictRequest(
             rows[:25],
@@ -135,14 +133,14 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
         for one in (*whole, *parts):
             if one.bound is not None:
                 faces = np.flatnonzero(one.decided)
-                conflicts.append(Conflict(faces, rows[one.labelling][faces], min(one.bound, threshold)))
+                conflicts.append((faces, rows[one.labelling][faces], min(one.bound, threshold)))
     assert conflicts
-    assert np.mean([len(c.faces) for c in conflicts]) < 0.8 * m
+    assert np.mean([len(faces) for faces, *_ in conflicts]) < 0.8 * m
     ruled_out = 0
-    for conflict in conflicts:
-        agree = np.all(rows[:, conflict.faces] == conflict.labels, axis=1)
+    for faces, labels, bound in conflicts:
+        agree = np.all(rows[:, faces] == labels, axis=1)
         ruled_out += int(agree.sum())
-        assert np.all(known[agree] <= conflict.bound * (1.0 + 1e-9) + 1e-12)
+        assert np.all(known[agree] <= bound * (1.0 + 1e-9) + 1e-12)
     assert ruled_out >= len(conflicts)
 
 
@@ -151,7 +149,7 @@ def test_a_face_that_may_crush_is_taken_as_its_hull() -> None:
     is the tangent m = (1 − 2 Nt/C)(N + T) up to Nt = √(T² + TC) − T (docs/method.md (2.3), (2.5), (6.3))."""
     strengths = {"tension": 1e3, "shear": 1e5, "friction": 5.0, "crush_dry": 1e4, "crush_inner": 1e4}
     assembly = grid_assembly(["a", "#"], **strengths)
-    relaxation = Relaxation(LimitAnalysis(assembly))
+    relaxation = case_relaxation.Relaxation(LimitAnalysis(assembly))
     face, weight = 0.01, assembly.total_dead
     tension, crush = 1e3 * face, 1e4 * face
     touching = np.sqrt(tension * (tension + crush)) - tension
@@ -168,7 +166,7 @@ def test_a_face_that_may_crush_is_taken_as_its_hull() -> None:
 @pytest.mark.parametrize("name", ["wall", "crushable wall", "in space"])
 def test_a_batch_is_refuted_as_one_by_one(name: str) -> None:
     assembly = assemblies()[name]
-    relaxation = Relaxation(LimitAnalysis(assembly))
+    relaxation = case_relaxation.Relaxation(LimitAnalysis(assembly))
     rng = np.random.default_rng(2)
     m = len(assembly.interfaces)
     rows, undecided = rng.random((12, m)) < 0.5, rng.random((12, m)) < 0.3
@@ -187,7 +185,7 @@ def test_a_batch_is_refuted_as_one_by_one(name: str) -> None:
 def memory_grown() -> tuple[int, int]:
     """How many labellings 80 calls shrink and keep something of, and bytes in use after them beyond those after 21."""
     assembly = grid_assembly(["aaaaaa"] * 7 + ["######"])
-    relaxation = Relaxation(LimitAnalysis(assembly))
+    relaxation = case_relaxation.Relaxation(LimitAnalysis(assembly))
     rng, first, resident = np.random.default_rng(0), 0, 0
     kept: list[Any] = []
     free = np.ones(len(assembly.interfaces), dtype=bool)
@@ -218,7 +216,7 @@ def test_stored_conflicts_do_not_keep_workspaces_in_memory() -> None:
     assert grown < 20e6
 
 
-class _Slow(Relaxation):
+class _Slow(case_relaxation.Relaxation):
     """A relaxation between whose reading and writing of `solves` other threads have their turn."""
 
     solved = 0
@@ -255,7 +253,7 @@ def test_no_solve_of_several_threads_is_lost() -> None:
 def test_threads_take_turns_at_the_conic_solver(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of each relaxation, whoever calls it; two relaxations do not wait for one another."""
     monkeypatch.setenv("JLD_KERNEL", "off")
-    relaxation = Relaxation(LimitAnalysis(assemblies()["wall"]))
+    relaxation = case_relaxation.Relaxation(LimitAnalysis(assemblies()["wall"]))
     m = len(relaxation.template.assembly.interfaces)
     route, inside, most = relaxation._solver, [], []
 
@@ -342,17 +340,22 @@ class Case:
         scene = parse_scene(document)
         assembly = build_assembly(scene)
         space = search_space(scene, assembly)
-        blocks = possible_blocks(space)
+        blocks = DRIVERS["exact"](space).context.blocks
         self.blocks, self.analysis = blocks, LimitAnalysis(assembly)
         self.wedges = self.analysis.template.yield_set.coulomb_wedge(dry=True) is not None
-        self.relaxation = BlockRelaxation(self.analysis, blocks.members, blocks.inside)
-        every = np.ones(len(blocks), dtype=bool)
+        self.relaxation = self.made()
+        every = np.ones(len(self.blocks), dtype=bool)
         self.choices = list(segmentations(blocks, set(assembly.elements.free.tolist()), every))
         self.load = []
         for chosen in self.choices:
             proof = self.analysis.prove(blocks.labelling(space, np.array(chosen)))
             low = {Status.COLLAPSE: proof.low, Status.LOCKED: np.inf}.get(proof.status, -np.inf)
             self.load.append(low)
+
+    def made(self) -> Any:
+        """A relaxation by blocks of its own."""
+        members, inside = self.blocks.members, self.blocks.inside
+        return case_relaxation.block_relaxation_of(self.analysis.assembly, members, inside, [self.analysis])
 
 
 @cache
@@ -462,7 +465,7 @@ def test_one_cell_slides_at_its_friction_or_tips() -> None:
     for friction, known in ((0.4, 0.4), (3.0, 1.0)):
         assembly = grid_assembly(["a", "#"], friction=friction)
         analysis = LimitAnalysis(assembly)
-        found = BlockRelaxation(analysis, [(0,)], [()]).choose(np.ones(1, dtype=bool), 0.0, 1e3)
+        found = case_relaxation.block_relaxation_of(assembly, [(0,)], [()]).choose(np.ones(1, dtype=bool), 0.0, 1e3)
         assert found.bound * analysis.template.scaling.load == pytest.approx(known, rel=1e-6)
 
 
@@ -471,7 +474,7 @@ def test_rows_and_rays_state_the_same(name: str, monkeypatch: pytest.MonkeyPatch
     """The program for faces of any yield set, of faces that are wedges."""
     case = case_named(name)
     monkeypatch.setattr(type(case.analysis.template.yield_set), "coulomb_wedge", lambda self, dry: None)
-    general = BlockRelaxation(case.analysis, case.blocks.members, case.blocks.inside)
+    general = case.made()
     every = np.ones(len(case.blocks), dtype=bool)
     rays, rows = (one.choose(every, 0.0, 10.0) for one in (case.relaxation, general))
     assert rows.bound == pytest.approx(rays.bound, rel=2e-5)
@@ -480,18 +483,17 @@ def test_rows_and_rays_state_the_same(name: str, monkeypatch: pytest.MonkeyPatch
 def test_in_space_blocks_bound_closer_than_faces() -> None:
     case = case_named("cubes")
     every = np.ones(len(case.analysis.template.assembly.interfaces), dtype=bool)
-    faces = Relaxation(case.analysis).bound(every, every)
+    faces = case_relaxation.Relaxation(case.analysis).bound(every, every)
     found = case.relaxation.choose(np.ones(len(case.blocks), dtype=bool), 0.0, faces)
     assert max(case.load) < found.bound < 0.9 * faces
 
 
 def test_confined_assemblies_have_no_relaxation_by_blocks() -> None:
-    analysis = LimitAnalysis(grid_assembly(["#aa#"], live=DOWN))
-    assert not applies_to(analysis)
+    blocks = [(1,), (2,)], [(), ()]
     with pytest.raises(TypeError, match="block relaxation does not apply"):
-        BlockRelaxation(analysis, [(0,), (1,)], [(), ()])
+        case_relaxation.block_relaxation_of(grid_assembly(["#aa#"], live=DOWN), *blocks)
     # unless all of their joints give way
-    assert applies_to(LimitAnalysis(grid_assembly(["#aa#"], live=DOWN, crush_dry=1e5, crush_inner=1e5)))
+    case_relaxation.block_relaxation_of(grid_assembly(["#aa#"], live=DOWN, crush_dry=1e5, crush_inner=1e5), *blocks)
 
 
 @pytest.mark.sampled(3)

@@ -17,23 +17,29 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, parse_scene, solve
-from jld_dilation import ProximalOptions
-from jld_dilation.certificate import BlockCertifier, Certifier, solve_rlt_by_matrix_blocks
-from jld_dilation.modes import BoundedModes, Statics, bound_velocities, face_loops, has_opening, modes_of
-from jld_dilation.range import LowerBoundSearch
+from jld_dilation import ProximalOptions, certificate, modes, prove_zero_dilation
 from jld_dilation.rlt_relaxation import LowerBoundProblem, RltOptions, solve_rlt
-from jld_dilation.sweep import BlockSweep, MultiStartSearch
+from jld_dilation.sweep import BlockSweep
 from proofs import block
 
 
-def below(assembly: Assembly, seconds: float = 60.0) -> tuple[float, Any, float]:
-    """Lowest found, the floor (scaled), and the scale of λ."""
-    analysis = LimitAnalysis(assembly)
-    side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
-    found = side.search(thorough=False)
-    assert side.modes is not None
-    search = LowerBoundSearch(analysis, assembly.labels, side.modes, LowerBoundProblem(found.lowest_load, seconds))
-    return found.lowest.state.load, search.search(), analysis.template.scaling.load
+def below(assembly: Assembly, seconds: float = 60.0) -> dict[str, Any]:
+    """Facts of the range of λ: the lowest found, and what is proven below all solutions."""
+    facts = solve(assembly, friction="zero-dilation", range=True, floor_seconds=seconds).facts
+    assert facts["lowest_proven"] <= facts["lowest_found"] * (1.0 + 1e-9)
+    assert facts["proven"]
+    return facts
+
+
+def solutions(assembly: Assembly) -> list[Any]:
+    """Proofs, scaled, of the solutions that searches from several starts reach."""
+    analysis, found = LimitAnalysis(assembly), []
+    for start in ("associative", "gravity", "vertex"):
+        for alpha in (0.0, 0.01, 0.5, 1.0):
+            found.append(prove_zero_dilation(analysis, assembly.labels, ProximalOptions(alpha=alpha, start=start)))
+    found = [one for one in found if one.extra["converged"]]
+    assert len(found) > 6
+    return found
 
 
 @pytest.mark.parametrize(
@@ -49,81 +55,71 @@ def below(assembly: Assembly, seconds: float = 60.0) -> tuple[float, Any, float]
     ids=["two cubes", "1x1", "1x2", "2x2", "flat arch", "2x5"],
 )
 def test_the_lowest_found_is_the_lowest_there_is(assembly: object, value: float) -> None:
-    lowest, floor, scale = below(build_assembly(assembly))
-    assert lowest * scale == pytest.approx(value, rel=1e-7)
-    assert floor.closed
-    assert floor.tolerance == 0.0
-    assert floor.bound == floor.proven
-    assert floor.proven <= lowest * (1.0 + 1e-9)
-    assert floor.proven * scale >= value * (1.0 - 1e-6)
+    facts = below(build_assembly(assembly))
+    assert facts["lowest_found"] == pytest.approx(value, rel=1e-7)
+    assert facts["closed"]
+    assert facts["lowest_bound"] == facts["lowest_proven"] >= value * (1.0 - 1e-6)
 
 
-def test_a_block_lifted_along_one_wall() -> None:
-    """λ = W + μH, by statics alone: N of the wall is H in every state."""
-    assembly = block(0.3, [{"element": "block", "force": [0, 1]}], [{"element": "block", "force": [0.8, 0]}], 1)
-    _, floor, scale = below(assembly)
-    assert floor.tolerance == 0.0
-    assert floor.proven * scale == pytest.approx(1.24, rel=1e-6)
-
-
-def test_unbounded_self_stress_has_the_cheap_bound_alone() -> None:
-    """A wedged block: λ = W + μ(H + 2 N_left) with N_left ≥ 0, and N_right = H + N_left ≥ H is all that statics say."""
-    assembly = block(0.3, [{"element": "block", "force": [0, 1]}], [{"element": "block", "force": [1.0, 0]}], 2)
-    lowest, floor, scale = below(assembly)
-    assert "no products: self-stress is not bounded" in floor.solve_log
-    assert floor.proven * scale <= lowest * scale * (1.0 + 1e-9)
+@pytest.mark.parametrize(
+    ("force", "walls", "low", "high"),
+    [
+        # one wall: λ = W + μH by statics alone, as N of the wall is H in every state
+        (0.8, 1, 1.24 * (1.0 - 1e-6), 1.24),
+        # wedged: λ = W + μ(H + 2 N_left) with N_left ≥ 0, and N_right ≥ H is all that statics say: no products
+        (1.0, 2, 1.0 * (1.0 - 1e-6), 1.3),
+    ],
+    ids=["one wall", "two walls"],
+)
+def test_a_lifted_block(force: float, walls: int, low: float, high: float) -> None:
+    lift = [{"element": "block", "force": [0, 1]}]
+    facts = below(block(0.3, lift, [{"element": "block", "force": [force, 0]}], walls))
+    assert low <= facts["lowest_proven"] <= high * (1.0 + 1e-9)
+    assert ("no products: self-stress is not bounded" in facts["floor_route"]) is (walls == 2)
 
 
 def test_inner_faces_and_supports() -> None:
     rows, options = CASES["beam"]
-    lowest, floor, _ = below(grid_assembly(rows, **options), seconds=120.0)
-    assert floor.tolerance == 0.0
-    assert 0.0 < floor.proven <= lowest * (1.0 + 1e-9)
+    assert below(grid_assembly(rows, **options), seconds=120.0)["lowest_proven"] > 0.0
 
 
 def test_crushing_is_refused() -> None:
     rows, options = CASES["crushable arch"]
-    assembly = grid_assembly(rows, **options)
-    assert modes_of(LimitAnalysis(assembly).template, assembly.labels) is None
-    result = solve(assembly, friction="zero-dilation", range=True)
-    assert result.facts["lowest_found"] is not None
-    assert result.facts["lowest_proven"] is None
-    assert not result.facts["proven"]
+    facts = solve(grid_assembly(rows, **options), friction="zero-dilation", range=True).facts
+    assert facts["lowest_found"] is not None
+    assert facts["lowest_proven"] is None
+    assert not facts["proven"]
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_no_solution_of_any_start_lies_below(seed: int) -> None:
-    """Pivots from many seeds on one wall of three courses never go below what was proven from one."""
+    """Solutions from other starts on one wall of three courses never lie below what was proven from one."""
     assembly = build_assembly(halved_bond(2, 3, friction=0.3 + 0.2 * seed))
-    lowest, floor, _ = below(assembly)
-    assert floor.tolerance == 0.0
-    analysis = LimitAnalysis(assembly)
-    side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
-    for forces in np.random.default_rng(seed).normal(size=(6, side.fixed_point.count)):
-        side.search_from(0.1 * forces)
-    assert min(side.found.loads) >= floor.proven * (1.0 - 1e-9)
-    assert floor.proven >= lowest * (1.0 - 1e-6)
+    facts, scale = below(assembly), LimitAnalysis(assembly).template.scaling.load
+    loads = [one.found.load * scale for one in solutions(assembly)]
+    assert min(loads) >= facts["lowest_proven"] * (1.0 - 1e-9)
+    assert facts["lowest_proven"] >= facts["lowest_found"] * (1.0 - 1e-6)
 
 
 # --- the certificate ------------------------------------------------------------------------------------------------
 
 
-def certifier(assembly: Assembly, high: float, slack: float = 1e-8) -> tuple[Any, Any, BoundedModes, Certifier]:
-    modes = modes_of(LimitAnalysis(assembly).template, assembly.labels)
-    none = np.zeros(len(modes.rows), dtype=bool)
-    bounded = BoundedModes.up_to(modes, high)
+def certifier(assembly: Assembly, high: float, slack: float = 1e-8) -> tuple[Any, Any, Any, Any]:
+    forms = modes.modes_of(LimitAnalysis(assembly).template, assembly.labels)
+    none = np.zeros(len(forms.rows), dtype=bool)
+    bounded = modes.BoundedModes.up_to(forms, high)
     region = bounded.region(0.0, high, none, none)
-    return modes, region, bounded, Certifier(bounded, region, slack)
+    return forms, region, bounded, certificate.Certifier(bounded, region, slack)
 
 
 @pytest.fixture(scope="module")
-def relaxation() -> tuple[Any, Any, BoundedModes, Certifier, Any, float]:
-    """Two bricks on one, up to λ = 0.66: modes, region, bounds, certifier, solved relaxation and scale of λ."""
+def relaxation() -> tuple[Any, Any, modes.BoundedModes, certificate.Certifier, Any, float]:
+    """Two bricks on one, up to λ = 0.66: forms, region, bounds, certifier, solved relaxation and scale of λ."""
     assembly = build_assembly(halved_bond(1, 2))
     scale = LimitAnalysis(assembly).template.scaling.load
-    modes, region, bounded, check = certifier(assembly, 0.66 / scale)
-    pairs = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
-    return modes, region, bounded, check, solve_rlt(bounded, region, RltOptions(pairs, 1e-8)), scale
+    forms, region, bounded, check = certifier(assembly, 0.66 / scale)
+    pairs = np.ones((len(forms.rows), len(forms.forms)), dtype=bool)
+    return forms, region, bounded, check, solve_rlt(bounded, region, RltOptions(pairs, 1e-8)), scale
 
 
 def test_certificate_of_a_false_bound_is_refused(relaxation: Any) -> None:
@@ -145,14 +141,14 @@ def test_blocks_agree_with_the_library() -> None:
     differs by that. On a wall of two courses nothing is farther than 9 faces; neighbours alone prove no more."""
     assembly = build_assembly(halved_bond(2, 2, friction=0.4))
     scale = LimitAnalysis(assembly).template.scaling.load
-    modes, region, bounded, _ = certifier(assembly, 0.41 / scale, 1e-6)
-    everything = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
+    forms, region, bounded, _ = certifier(assembly, 0.41 / scale, 1e-6)
+    everything = np.ones((len(forms.rows), len(forms.forms)), dtype=bool)
     other = solve_rlt(bounded, region, RltOptions(everything, 1e-6))
     bounds = []
     for distance in (None, 9, 1):
         options = RltOptions(everything, 1e-6, 60.0, distance)
-        own = solve_rlt_by_matrix_blocks(bounded, region, options)
-        blocks = BlockCertifier(bounded, region, 1e-6, distance)
+        own = certificate.solve_rlt_by_matrix_blocks(bounded, region, options)
+        blocks = certificate.BlockCertifier(bounded, region, 1e-6, distance)
         bounds.append(own.multipliers.bound)
         assert -np.inf < blocks.bound(own.multipliers) <= 0.4 / scale
     assert bounds[0] == pytest.approx(other.multipliers.bound, rel=1e-5)
@@ -182,42 +178,29 @@ OPENED = opened_wall(0, 1)
 def test_walls_with_openings_have_a_floor() -> None:
     """Three bricks and one opening, 19 faces: without what loops say of slides the root of the relaxation is zero, and
     what is found here was met by branches alone."""
-    lowest, floor, scale = below(build_assembly(OPENED))
-    assert lowest * scale == pytest.approx(0.5570290662, rel=1e-8)
-    assert floor.closed
-    assert floor.tolerance == 0.0
-    assert "branch 1" not in floor.solve_log
-
-
-def solutions(assembly: Assembly) -> tuple[Any, list[np.ndarray]]:
-    """Every certified mechanism that a search from every side keeps, as (u, t) with t = max(0, −s)."""
-    analysis = LimitAnalysis(assembly)
-    side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
-    found = side.search()
-    assert side.modes is not None
-    out = []
-    for pair in (found.lowest, found.highest):
-        slips = pair.motion.jumps[:, 1]
-        out.append(np.concatenate([pair.motion.velocity, np.maximum(0.0, -slips)]))
-    return side.modes, out
+    facts = below(build_assembly(OPENED))
+    assert facts["lowest_found"] == pytest.approx(0.5570290662, rel=1e-8)
+    assert facts["closed"]
+    assert "branch 1" not in facts["floor_route"]
 
 
 @pytest.mark.parametrize(
     "assembly", [build_assembly(OPENED), grid_assembly(["ab", "cc", "##"])], ids=["opened", "grid"]
 )
 def test_conditions_of_loops_hold_in_solutions(assembly: Assembly) -> None:
-    modes, mechanisms = solutions(assembly)
-    assert len(modes.loops) > 0
+    forms = modes.modes_of(LimitAnalysis(assembly).template, assembly.labels)
+    assert len(forms.loops) > 0
     # around a loop the jumps add up to nothing: the two forms of a pair differ by an identity
-    assert abs((modes.loops[::2] - modes.loops[1::2]) @ modes.rates).max() < 1e-12
-    for w in mechanisms:
-        size = abs(modes.rates @ w).max()
-        assert (modes.forms @ w).min() > -1e-6 * size
+    assert abs((forms.loops[::2] - forms.loops[1::2]) @ forms.rates).max() < 1e-12
+    for pair in solutions(assembly):
+        w = np.concatenate([pair.motion.velocity, np.maximum(0.0, -pair.motion.jumps[:, 1])])
+        size = abs(forms.rates @ w).max()
+        assert (forms.forms @ w).min() > -1e-6 * size
     # and it says something: both slides of one face alone at once are no mechanism
-    both = np.zeros(len(modes.rates))
-    face = int(np.argmin(modes.loops[0])) // 4
+    both = np.zeros(len(forms.rates))
+    face = int(np.argmin(forms.loops[0])) // 4
     both[4 * face + 2 : 4 * face + 4] = 1.0
-    assert (modes.loops @ both).min() == -1.0
+    assert (forms.loops @ both).min() == -1.0
 
 
 @pytest.mark.parametrize(
@@ -234,8 +217,8 @@ def test_conditions_of_loops_hold_in_solutions(assembly: Assembly) -> None:
 )
 def test_openings_are_loops_that_short_ones_do_not_fill(scene: Scene, is_opened: bool) -> None:
     assembly = build_assembly(scene)
-    assert has_opening(assembly) == is_opened
-    lengths = {len(loop) for loop in face_loops(assembly)}
+    assert modes.has_opening(assembly) == is_opened
+    lengths = {len(loop) for loop in modes.face_loops(assembly)}
     assert lengths <= {2, 3, 4}
 
 
@@ -243,40 +226,36 @@ def test_loops_of_a_bond_tie_slides_to_the_joint_between() -> None:
     """Two bricks on one: s_f − s_g is the opening of the joint between them at the edge they share with it, so that
     s_g⁺ ≤ s_f⁺ ≤ s_g⁺ + z and the same of s⁻ the other way round: coefficients are ±1."""
     assembly = build_assembly(halved_bond(1, 2))
-    modes = modes_of(LimitAnalysis(assembly).template, assembly.labels)
-    values = modes.loops[modes.loops != 0.0]
+    forms = modes.modes_of(LimitAnalysis(assembly).template, assembly.labels)
+    values = forms.loops[forms.loops != 0.0]
     assert abs(values) == pytest.approx(np.ones(len(values)), abs=1e-9)
 
 
 def test_a_false_loop_proves_nothing(relaxation: Any) -> None:
     """What the identity of a loop leaves is charged: coefficients off by a hundredth bring no bound above the truth."""
-    modes, region, bounded, check, relaxed, scale = relaxation
+    forms, region, bounded, check, relaxed, scale = relaxation
     assert check.loop_errors.max() < 1e-10
-    wrong = replace(modes)
-    vars(wrong)["loops"] = np.where(modes.loops > 0.0, 0.99 * modes.loops, modes.loops)
-    false = Certifier(replace(bounded, modes=wrong), region, 1e-8)
+    wrong = replace(forms)
+    vars(wrong)["loops"] = np.where(forms.loops > 0.0, 0.99 * forms.loops, forms.loops)
+    false = certificate.Certifier(replace(bounded, modes=wrong), region, 1e-8)
     assert false.loop_errors.max() > 1e-3
-    used = relaxed.multipliers.products[:, len(modes.rows) :].max() > 1e-6
+    used = relaxed.multipliers.products[:, len(forms.rows) :].max() > 1e-6
     # what is not charged leaves 0.6499, which no longer follows from anything
     assert not used or false.bound(relaxed.multipliers) * scale < 0.64
 
 
 def test_velocities_stay_within_their_reach() -> None:
-    """|u| and t of solutions, found by pivots, against the bound that the certificate charges residuals to."""
+    """|u| and t of solutions against the bound that the certificate charges residuals to."""
     assembly = build_assembly(halved_bond(2, 3))
-    analysis = LimitAnalysis(assembly)
-    side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
-    found = side.search()
-    most = 1.01 * found.highest.state.load if found.highest is not None else 0.0
-    statics = Statics(side.modes, 0.0, most, np.zeros(len(side.modes.rows), dtype=bool))
-    limit = bound_velocities(statics)
-    for pair in (found.lowest, found.highest):
-        width = len(side.modes.dead)
+    forms, pairs = modes.modes_of(LimitAnalysis(assembly).template, assembly.labels), solutions(assembly)
+    most = 1.01 * max(pair.found.load for pair in pairs)
+    statics = modes.Statics(forms, 0.0, most, np.zeros(len(forms.rows), dtype=bool))
+    limit, width = modes.bound_velocities(statics), len(forms.dead)
+    for pair in pairs:
         slips = pair.motion.jumps[:, 1]
-        w = np.concatenate([pair.motion.velocity, np.maximum(0.0, -slips)])
-        z = side.modes.rates @ w
-        phi = np.concatenate([pair.state.forces.ravel(), [pair.state.load, 1.0]])
-        cost = z[side.modes.hinges].sum() + (side.modes.capacities @ phi) @ abs(slips)
+        z = forms.rates @ np.concatenate([pair.motion.velocity, np.maximum(0.0, -slips)])
+        phi = np.concatenate([pair.found.forces.ravel(), [pair.found.load, 1.0]])
+        cost = z[forms.hinges].sum() + (forms.capacities @ phi) @ abs(slips)
         assert np.all(abs(pair.motion.velocity) <= limit[:width] * cost)
         assert np.all(abs(slips) <= limit[width:] * cost)
         assert np.all(abs(phi) <= statics.force_bounds * (1.0 + 1e-9))
@@ -284,11 +263,11 @@ def test_velocities_stay_within_their_reach() -> None:
 
 def test_bounds_of_statics_hold_for_random_states() -> None:
     assembly = build_assembly(random_wall(1))
-    modes = modes_of(LimitAnalysis(assembly).template, assembly.labels)
-    statics = Statics(modes, 0.0, 0.2, np.zeros(len(modes.rows), dtype=bool))
+    forms = modes.modes_of(LimitAnalysis(assembly).template, assembly.labels)
+    statics = modes.Statics(forms, 0.0, 0.2, np.zeros(len(forms.rows), dtype=bool))
     rng = np.random.default_rng(0)
     for _ in range(20):
-        way = np.append(rng.normal(size=modes.matrix.shape[1] + 1), 0.0)
+        way = np.append(rng.normal(size=forms.matrix.shape[1] + 1), 0.0)
         low, high = statics.least(way), -statics.least(-way)
         assert low <= high
         assert high <= float(abs(way) @ statics.force_bounds) * (1.0 + 1e-9)

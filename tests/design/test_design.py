@@ -29,12 +29,11 @@ from jld_practice.design import (
     read_outline,
     run,
     tessellations,
+    trials,
     with_loads,
     write_design,
 )
-from jld_practice.design import trials as checks
 from jld_practice.design.page import words_of
-from jld_practice.design.trials import labelled, low_friction, one_case, with_friction
 from jld_practice.laying.command import start_of_design
 from jld_samples import box
 
@@ -210,12 +209,12 @@ def test_a_layout_becomes_the_labels_of_its_scene(wall: Path) -> None:
     labels = np.arange(len(assembly.interfaces)) % 3 > 0
     labels |= ~assembly.free_faces
     expected = solve(assembly, labels)
-    again = labelled(scene, assembly, labels)
+    again = trials.labelled(scene, assembly, labels)
     result = solve(again)
     assert result.load_factor == pytest.approx(expected.load_factor, rel=1e-9)
     case = list(expected.cases.values())[1]
-    assert solve(one_case(again, 1)).load_factor == pytest.approx(case.load_factor, rel=1e-9)
-    friction = build_assembly(with_friction(again, 0.25)).strengths(ROUTE).friction
+    assert solve(trials.one_case(again, 1)).load_factor == pytest.approx(case.load_factor, rel=1e-9)
+    friction = build_assembly(trials.with_friction(again, 0.25)).strengths(ROUTE).friction
     assert friction[labels] == pytest.approx(0.25)
 
 
@@ -234,7 +233,7 @@ def test_every_form_of_friction_has_a_low_value(dry: dict[str, Any], low: float)
     """The low value where one is stated, else 0.8 of the nominal one or of the mean; angles by their tangents."""
     document = samples.arch(voussoirs=5).model_dump(mode="json", exclude_defaults=True)
     scene = parse_scene(document | {"materials": document["materials"] | {"dry": dry}})
-    assert low_friction(scene) == pytest.approx(low, rel=1e-12)
+    assert trials.low_friction(scene) == pytest.approx(low, rel=1e-12)
 
 
 def test_bounds_by_fields_hold_the_closed_form_of_a_sliding_wall(wall: Path) -> None:
@@ -357,7 +356,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(run, "tessellations", first)
     monkeypatch.setattr(run, "_MOVED", 1e9)
-    monkeypatch.setattr("jld_practice.design.trials._LEAST_EXPERIMENT", 1e9)
+    monkeypatch.setattr(trials, "_LEAST_EXPERIMENT", 1e9)
 
 
 @pytest.mark.usefixtures("small")
@@ -418,12 +417,12 @@ def test_checks_that_fail_leave_no_pipe_open(monkeypatch: pytest.MonkeyPatch, wa
     def fail(*_: object) -> None:
         raise Interrupted
 
-    monkeypatch.setattr(checks, "_laid", lambda *_: checks.Check("laying", "laid"))
-    monkeypatch.setattr(checks, "_begin_experiment", lambda *_: checks.Experiment(experiment, "", ""))
-    monkeypatch.setattr(checks, "_by_fields", fail)
+    monkeypatch.setattr(trials, "_laid", lambda *_: trials.Check("laying", "laid"))
+    monkeypatch.setattr(trials, "_begin_experiment", lambda *_: trials.Experiment(experiment, "", ""))
+    monkeypatch.setattr(trials, "_by_fields", fail)
     work = design_of(wall)
     with pytest.raises(Interrupted):
-        checks.check_winner(work, Deadline(60.0), lambda _: None)
+        trials.check_winner(work, Deadline(60.0), lambda _: None)
     assert experiment.stdout.closed
 
 
@@ -451,10 +450,7 @@ def test_checks_that_fail_leave_no_pipe_open(monkeypatch: pytest.MonkeyPatch, wa
 )
 def test_bad_options_are_one_line(jld: Command, tmp_path: Path, wall: Path, flags: list[str], words: str) -> None:
     """Every wrong option is one line with exit code 2, and no folder is made."""
-    done = jld("design", wall, "-o", tmp_path / "out", *flags)
-    assert done.code == 2
-    assert words in done.err
-    assert done.err.count("\n") == 1
+    jld("design", wall, "-o", tmp_path / "out", *flags).refused(words)
     assert not (tmp_path / "out").exists()
 
 
@@ -465,10 +461,7 @@ def test_an_open_outline_is_named_with_the_place(jld: Command, tmp_path: Path) -
         '<svg xmlns="http://www.w3.org/2000/svg"><path d="M 0 0 L 2 0 L 2 1 L 0 1" fill="none" stroke="black"/></svg>'
     )
     pytest.importorskip("svgelements")
-    done = jld("design", path, "-o", tmp_path / "out")
-    assert done.code == 2
-    assert "not closed" in done.err
-    assert done.err.count("\n") == 1
+    jld("design", path, "-o", tmp_path / "out").refused("not closed")
 
 
 @pytest.mark.parametrize(
@@ -485,10 +478,7 @@ def test_an_outline_that_cannot_be_meant_is_refused(
     """A drawing that crosses itself, one in mm that was read in m, and a load without a unit are one line each."""
     drawing = tmp_path / "drawing.csv"
     drawing.write_text("id,x,y\n" + "".join(f"w,{point}\n" for point in corners.split()))
-    done = jld("design", drawing, "-o", tmp_path / "out", *(flags or ["--load", "10 kN"]))
-    assert done.code == 2
-    assert words in done.err
-    assert done.err.count("\n") == 1
+    jld("design", drawing, "-o", tmp_path / "out", *(flags or ["--load", "10 kN"])).refused(words)
     assert not (tmp_path / "out").exists()
 
 

@@ -18,10 +18,10 @@ from jld_practice.design import (
     Task,
     Tessellation,
     Trial,
+    run,
     uniaxial_strength,
     with_crushing,
 )
-from jld_practice.design.run import move_in_rounds, moved_trial
 
 FRICTION = 0.9
 
@@ -53,7 +53,7 @@ def test_blocks_fail_in_uniaxial_compression_at_the_closed_form(wall: Scene, fri
 def test_a_moved_layout_is_weighed_with_its_own_materials(wall: Scene) -> None:
     """λ by fields is at most μ, by sliding of the whole wall; the layout gains over the one that stays."""
     labels = build_assembly(wall).labels
-    found = moved_trial(Task("bond", wall, labels, "as stated"), 1.0, 2.0)
+    found = run.moved_trial(Task("bond", wall, labels, "as stated"), 1.0, 2.0)
     assert isinstance(found, Trial)
     assert found.scene.materials == wall.materials
     assert found.load_factor > solve(wall).load_factor * 1.05
@@ -73,7 +73,7 @@ def test_results_of_earlier_rounds_are_kept(wall: Scene, tmp_path: Path) -> None
     work = Design(options, Outline(wall, ()), tmp_path, [Tessellation("bond", "bond", wall)], [stated])
     work.layouts["bond"] = [assembly.labels]
     said: list[str] = []
-    move_in_rounds(work, Deadline(9.0), said.append)
+    run.move_in_rounds(work, Deadline(9.0), said.append)
     moved = [one for one in work.trials if one.kind == "moved"]
     assert moved
     assert work.winner.proven == max(one.proven for one in moved)

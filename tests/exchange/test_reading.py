@@ -17,7 +17,7 @@ from jld_core.scene import units
 from jld_formats import ImportOptions, import_file
 from jld_formats import options as options_of_exchange
 from jld_practice.design import DesignOptions, read_outline
-from jld_studio.server import opened
+from jld_studio import server
 
 ezdxf = pytest.importorskip("ezdxf")
 
@@ -164,7 +164,7 @@ def test_layers_of_import_design_and_studio(tmp_path: Path, jld: Command) -> Non
     scene = read_outline(path, DesignOptions(**options)).scene
     assert sum(not entry.support for entry in scene.elements) == 2
     said: list[str] = []
-    scene, _, _ = opened(path, ImportOptions(**options), said.append)
+    scene, _, _ = server.opened(path, ImportOptions(**options), said.append)
     assert len(scene.elements) == 3
     assert said[0].startswith("found        2 elements and 1 support, area 5.4 m²; 4 × 2.3 m in all")
 

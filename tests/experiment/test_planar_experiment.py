@@ -15,9 +15,20 @@ from cases import ROUTE, as_elements, grid_document, in_units, renumbered, rotat
 from command import SCENES
 from jld_core import Assembly, build_assembly, load_scene, parse_scene, solve
 from jld_core.mechanics import equilibrium_matrix, load_vectors
-from jld_experiment import Curve, Joints, Push, Settings, Specimen, Standing, push, ramp, run_experiment, specimen_of
+from jld_experiment import (
+    Curve,
+    Joints,
+    Push,
+    Settings,
+    Specimen,
+    Standing,
+    experiments,
+    push,
+    ramp,
+    run_experiment,
+    specimen_of,
+)
 from jld_experiment.experiment import scout
-from jld_experiment.experiments import summary
 from jld_experiment.subcontacts import sub_contacts
 
 ASSOCIATIVE = Joints(dilation="friction", inner="plastic")
@@ -268,7 +279,7 @@ def test_agreement_of_two_rates_is_not_called_accuracy() -> None:
     """A curve whose rates agree to 1e-5 may end 1 % below λ (seen with plastic, associative joints): it says so."""
     assembly = build_assembly(parse_scene(grid_document(["a", "#"], friction=0.6)))
     curve = run_experiment(assembly, joints=Joints(dilation="friction", inner="plastic"))
-    facts = summary(curve, solve(assembly).load_factor)
+    facts = experiments.summary(curve, solve(assembly).load_factor)
     assert curve.rates_agree
     assert facts["rate_error"] < 5e-3
     assert facts["accuracy"] == 0.01

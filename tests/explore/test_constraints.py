@@ -537,10 +537,7 @@ def test_bad_input(search: dict[str, Any], words: str, tmp_path: Path, jld: Comm
     document["search"] = {**document["search"], **search}
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(document))
-    done = jld("explore", file, "--out", tmp_path / "out")
-    assert (done.code, done.out) == (2, "")
-    assert done.err.count("\n") == 1
-    assert words in done.err
+    jld("explore", file, "--out", tmp_path / "out").refused(words)
 
 
 @pytest.mark.parametrize(

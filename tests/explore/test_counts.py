@@ -19,8 +19,7 @@ from jld_core import Deadline, DeadlinePassed, InputError, Layout, Scene, build_
 from jld_core.scene import Search
 from jld_explore import ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS
-from jld_explore.space import Count, Layouts, Terms, feasible, register, registered, unregister, values_of
-from jld_explore.space.counts import BlockShapes, values_until
+from jld_explore.space import Count, Layouts, Terms, counts, feasible, register, registered, unregister, values_of
 from jld_practice import making_of, stones_of
 from jld_samples import vault
 from jld_views import pictures
@@ -149,15 +148,15 @@ def test_shapes_are_counted_while_there_is_time() -> None:
     space = search_space(scene, assembly)
     count = next(count for count in registered() if count.kinds)
     rows = np.random.default_rng(3).random((140, len(assembly.interfaces))) < 0.5
-    whole = values_until(count, assembly, rows, space.graph, BlockShapes(assembly), Deadline())
+    whole = counts.values_until(count, assembly, rows, space.graph, counts.BlockShapes(assembly), Deadline())
     assert whole.dtype.kind == "i"
-    late = values_until(count, assembly, rows, space.graph, BlockShapes(assembly), Deadline(0.0))
+    late = counts.values_until(count, assembly, rows, space.graph, counts.BlockShapes(assembly), Deadline(0.0))
     assert late[0] == whole[0]
     assert np.isnan(late[1:]).all()
-    known = BlockShapes(assembly)
-    values_until(count, assembly, rows[:100], space.graph, known, Deadline())
+    known = counts.BlockShapes(assembly)
+    counts.values_until(count, assembly, rows[:100], space.graph, known, Deadline())
     known._outlines_of = Mock(side_effect=DeadlinePassed)
-    part = values_until(count, assembly, rows, space.graph, known, Deadline(100.0))
+    part = counts.values_until(count, assembly, rows, space.graph, known, Deadline(100.0))
     assert np.array_equal(part[:65], whole[:65])
     assert np.isnan(part[129:]).all()
 

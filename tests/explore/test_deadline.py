@@ -38,6 +38,7 @@ from jld_core import (
     time_left,
 )
 from jld_core.batch import chosen
+from jld_core.models import CaseAnalysis
 from jld_explore import Driver, ExploreSettings, Interrupted, explore, read_folder, search_space
 from jld_explore.cli import ending, streams
 from jld_explore.drivers import DRIVERS, BufferedRandom, Genetic, operators
@@ -45,7 +46,7 @@ from jld_explore.evaluation import Evaluator, EvaluatorSettings, field_evaluator
 from jld_explore.space import feasible, from_string
 from jld_explore.steps import step
 from jld_geometry import move_by_fields, move_joints
-from jld_views import page_of_study, write_pictures, write_report
+from jld_views import figures, page_of_study, write_pictures, write_report
 
 
 def test_a_deadline_counts_from_its_start() -> None:
@@ -281,7 +282,7 @@ def test_a_page_gives_up_a_solve_that_takes_too_long(tmp_path: Path, monkeypatch
             checkpoint()
             time.sleep(0.01)
 
-    monkeypatch.setattr("jld_core.models.case_analysis.CaseAnalysis.solve", endless)
+    monkeypatch.setattr(CaseAnalysis, "solve", endless)
     write_report(done, deadline=Deadline(0.0, time.perf_counter()))
     assert (tmp_path / "out" / "report.html").exists()
 
@@ -601,7 +602,7 @@ def test_the_picture_of_fields_has_a_time_of_its_own(tmp_path: Path, monkeypatch
     """It refined for 2 s whatever the limit, so that a search of 10 s ended 2.1 s late."""
     asked: list[float] = []
     monkeypatch.setattr("jld_views.search_pictures._field_picture", lambda _, seconds: asked.append(seconds))
-    monkeypatch.setattr("jld_views.figures.save_figure", lambda *_: None)
+    monkeypatch.setattr(figures, "save_figure", lambda *_: None)
     document = grid_document(["ab", "##"]) | {"cracks": {"kind": "fields"}}
     done = explore(parse_scene(document), tmp_path / "out", driver="enumeration", pictures=False, seconds=30.0)
     missing = write_pictures(done, deadline=Deadline(4.0), fields=3.0)[1]

@@ -7,7 +7,6 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
@@ -15,17 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import DOWN, box, canonical, every_layout, grid_document
+from cases import DOWN, box, canonical, every_layout, grid_document, replace_processes
 from cases import scene_in_space as scene
 from jld_core import LimitAnalysis, Scene, SolveOptions, Status, build_assembly, parse_scene
 from jld_explore import Evaluation, Exploration, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS, make_driver
-from jld_explore.drivers.exact.block_bounds import BlockBoundTightening
-from jld_explore.drivers.exact.context import ProofContext, possible_blocks
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.evaluation import Records
 from jld_explore.space import count_named, feasible, values_of
-from jld_explore.space.limits import Range
 from jld_explore.verification import verify
 
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
@@ -226,7 +222,7 @@ def test_formulas_have_the_space_for_models(name: str, listed: bool) -> None:
     space = search_space(scene, build_assembly(scene))
     if not listed and space.search.blocks != [None, None]:
         pytest.skip("blocks are counted where they are listed")
-    formula = Formula(space, possible_blocks(space) if listed else None)
+    formula = formula_of(space, listed=listed)
     found = set()
     every = np.arange(len(space.fixed))
     while (labels := formula.next()) is not None:
@@ -450,10 +446,20 @@ def test_annealing_has_its_turn_beside_the_proof(tmp_path: Path, monkeypatch: py
 # One formula for a whole proof: what it is aimed at, and what holds above some λ alone.
 
 
-def space_of(count: str) -> SearchSpace:
-    options = {"block_cells": [1, 3], "front": {"count": count}, "dry_faces": [4, 6]}
+def space_of(count: str, **limits: Any) -> SearchSpace:
+    options = {"block_cells": [1, 3], "front": {"count": count}, "dry_faces": [4, 6], **limits}
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], **options))
     return search_space(scene, build_assembly(scene))
+
+
+def formula_of(space: SearchSpace, *, listed: bool = True) -> Formula:
+    return Formula(space, DRIVERS["exact"](space, list_blocks=listed).context.blocks)
+
+
+def range_of(count: str, *ends: int | None) -> Any:
+    """Bounds of a count as the limits of a space state them."""
+    limits = space_of(count, **{count: list(ends)}).limits
+    return next(bounds for one, bounds in limits.on_counts if one.name == count)
 
 
 def left(formula: Formula) -> list[np.ndarray]:
@@ -471,7 +477,7 @@ def test_a_formula_is_aimed_at_one_count_after_the_other(count: str) -> None:
     every = every_layout(space)
     expected = Counter(values_of(count_named(count), space.assembly, every, space.graph).tolist())
     assert len(expected) >= 3
-    formula = Formula(space, possible_blocks(space))
+    formula = formula_of(space)
     assert len(left(formula)) == len(every)
     for wanted in (*sorted(expected), min(expected), 0, 100):
         formula.aim(0.0, wanted)
@@ -480,8 +486,8 @@ def test_a_formula_is_aimed_at_one_count_after_the_other(count: str) -> None:
         assert not formula.possible((), ())
     below = min(expected) + 1
     for bounds, number in (
-        (Range.of((None, below), whole=True), sum(expected[value] for value in expected if value <= below)),
-        (Range.of((below, None), whole=True), sum(expected[value] for value in expected if value >= below)),
+        (range_of(count, None, below), sum(expected[value] for value in expected if value <= below)),
+        (range_of(count, below, None), sum(expected[value] for value in expected if value >= below)),
     ):
         formula.aim(0.0, bounds)
         assert len(left(formula)) == number
@@ -491,7 +497,7 @@ def test_a_formula_is_aimed_at_one_count_after_the_other(count: str) -> None:
 
 def test_conflicts_hold_above_their_bounds_in_whatever_order_these_are_aimed_at() -> None:
     space = space_of("dry_faces")
-    formula = Formula(space, possible_blocks(space))
+    formula = formula_of(space)
     rows = left(formula)
     everywhere = np.arange(len(space.fixed))
     bounds = np.random.default_rng(0).permutation(len(rows)).astype(float)
@@ -581,18 +587,15 @@ def test_what_blocks_rule_out_is_no_better_and_the_optimum_the_same(
 
 @pytest.mark.parametrize("late", [False, True])
 def test_a_long_program_is_solved_elsewhere_and_given_up_in_time(late: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
+    replace_processes(monkeypatch)
     monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._DEADLINE_CHECK_SECONDS", 0.0)
     scene = scenes()["in space"]
     space = search_space(scene, build_assembly(scene))
-    context = ProofContext.of(space, 0)
-    assert context is not None
     found = []
     for here in (10**9, 0):
         monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._SIDES_HERE", here)
-        narrowing = BlockBoundTightening(context, wanted=True)
         answers = chain([False], repeat(here == 0 and late))
-        found.append(narrowing.tighten(0.1, 1e3, math.inf, answers.__next__))
+        found.append(DRIVERS["exact"](space)._tightening.tighten(0.1, 1e3, math.inf, answers.__next__))
     if late:
         assert found[1].bound == 1e3
     else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -13,13 +14,12 @@ import pandas as pd
 import pytest
 from benchmarks.common import random_segmentations, scene
 
-from cases import dry_and_inner, every_layout, grid_document
+from cases import dry_and_inner, every_layout, grid_document, standing_of
 from command import Command
-from jld_core import Deadline, InputError, SolveOptions, build_assembly, parse_scene, samples, solve
+from jld_core import Deadline, InputError, build_assembly, parse_scene, samples, solve
 from jld_explore import Exploration, ExploreSettings, explore, read_folder, search_space
-from jld_explore.drivers.exact.proof_check import Claim, _find_open_labelling
-from jld_explore.drivers.exact.proof_state import ProofState
-from jld_explore.evaluation.cases import Standing
+from jld_explore.drivers import make_driver
+from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.report import words
 from jld_explore.space import from_string
 from jld_practice.laying import SequenceConstraint, assembly_order, locked_blocks
@@ -184,12 +184,12 @@ def test_a_search_for_an_order_that_stops_at_its_limit_proves_nothing(
         assert done.summary.proven is decided
         assert any("stopped at its limit" in text for text in done.summary.warnings) is not decided
         # the check of a proof by conflicts: all that is known to stand is evaluated, and no conflict refutes the rest
-        space = search_space(bridge, assembly)
-        state = ProofState(space)
-        state.hand_over([from_string(text) for text in done.results["labelling"]])
-        state.note_evaluated(state.take_waiting())
-        problem = _find_open_labelling(space, None, [], state, [Claim(None, 0.0)])
-        assert ("stopped at its limit" in problem) is not decided
+        driver: Any = make_driver("exact", search_space(bridge, assembly), 0)
+        rows = np.array([from_string(text) for text in done.results["labelling"]])
+        driver.restore(rows, evaluator_of(assembly, EvaluatorSettings()).evaluate_all(rows))
+        driver.state.hand_over(rows)
+        driver.found[None] = replace(driver.found[None], bound=done.summary.best)
+        assert ("stopped at its limit" in driver._checked().problem) is not decided
     with pytest.raises(InputError, match=r"no layout was found that stands at every stage .* stopped at its limit"):
         explore(scene_of(ARCH, assemble="standing", block_cells=[1, 2]), tmp_path / "none", settings)
 
@@ -321,24 +321,22 @@ def test_cells_and_cases(tmp_path: Path) -> None:
 def test_whether_a_layout_stands_is_not_begun_where_it_would_be_late() -> None:
     """Of a wall of 9 660 faces it took 5 s, so that a search of 8 s ended after 13.7 s."""
     assembly = build_assembly(parse_scene(grid_document(["ab", "##"])))
-    standing, labels = Standing(assembly, SolveOptions()), assembly.labels[None]
-    assert np.isnan(standing.of(labels, np.full(1, np.nan), Deadline(60.0), solved_in=30.0)).all()
-    assert standing.of(labels, np.full(1, np.nan), Deadline(600.0), solved_in=30.0).tolist() == [1.0]
+    labels = assembly.labels[None]
+    assert np.isnan(standing_of(assembly, labels, None, Deadline(60.0), solved_in=30.0)).all()
+    assert standing_of(assembly, labels, None, Deadline(600.0), solved_in=30.0).tolist() == [1.0]
 
 
 def test_many_layouts_of_an_arch_equal_a_solve_of_each(tmp_path: Path) -> None:
     """So many different states are needed that most answers come from bounds in both directions of the live load."""
     assembly = scene("flat_beam_arch")
     labellings = random_segmentations(assembly, 80, seed=3)
-    standing = Standing(assembly, SolveOptions())
     alone = [solve(assembly, labels) for labels in labellings]
     expected = [float(one.stands_at_zero) for one in alone]
     low = np.array([one.bracket[0] for one in alone])
     assert 10 < sum(expected) < 70
-    assert standing.of(labellings, low).tolist() == expected
-    assert standing.of(labellings, low).tolist() == expected
-    other = Standing(assembly, SolveOptions())
-    assert other.of(labellings[::-1], np.full(len(low), np.nan)).tolist() == expected[::-1]
+    assert standing_of(assembly, labellings, low).tolist() == expected
+    assert standing_of(assembly, np.concatenate([labellings, labellings])).tolist() == 2 * expected
+    assert standing_of(assembly, labellings[::-1]).tolist() == expected[::-1]
 
 
 def test_printed(jld: Command, tmp_path: Path) -> None:

@@ -27,7 +27,6 @@ from jld_core.scene import cracks
 from jld_explore import Exploration, explore
 from jld_explore.space import from_string
 from jld_studio import notebook as notebook_of_page
-from jld_studio.notebook import AssemblyStructure, LayoutSolver, structure_of
 from jld_views import notebook
 
 CELLS = (
@@ -250,7 +249,7 @@ def test_values_of_single_faces_keep_their_ratio() -> None:
     document["materials"]["faces"] = [{"between": ["c0r0", "c2r0"], "dry": {"friction_coefficient": 0.9}}]
     document["materials"]["faces"][0]["between"] = ["c1r0", "c2r0"]
     assembly = build_assembly(parse_scene(document))
-    structure = AssemblyStructure(assembly)
+    structure = notebook_of_page.AssemblyStructure(assembly)
     usual = structure.materials["dry"]["friction_coefficient"]
     changed = structure.with_materials({"dry": {"friction_coefficient": 0.5 * usual}})
     assert changed.strengths(ROUTE).friction == pytest.approx(0.5 * assembly.strengths(ROUTE).friction)
@@ -269,7 +268,7 @@ def test_bond_fixes_the_sliders_of_a_result(unpictured: None) -> None:
 
 def test_omitted_cells_are_shown_as_omitted() -> None:
     wall = parse_scene(grid_document(["ab", "cd", "##"]))
-    solver = LayoutSolver(structure_of(wall, build_assembly(wall)))
+    solver = notebook_of_page.LayoutSolver(notebook_of_page.structure_of(wall, build_assembly(wall)))
     assembly = build_assembly(wall)
     gone = assembly.elements.ids.index("c0r0")
     beside = (assembly.interfaces.a == gone) | (assembly.interfaces.b == gone)

@@ -17,8 +17,7 @@ from jld_core import InputError, Scene, blocks_of, build_assembly, parse_scene
 from jld_core.scene import cracks
 from jld_explore import ExploreSettings, SearchSpace, explore, read_folder, search_space
 from jld_explore.drivers import BufferedRandom, Register, make_driver, operators
-from jld_explore.report import words
-from jld_explore.report.tables import on_front
+from jld_explore.report import tables, words
 from jld_explore.space import feasible, keys
 
 DOWN = [{"body": [0, -1]}]
@@ -248,7 +247,7 @@ def test_layouts_on_a_front(columns: int) -> None:
     wanted = [good and not np.isnan(row[0]) for good, row in zip(unbeaten(known), values, strict=True)]
     senses = ["max", "min"][: columns - 1]
     signs = np.array([1.0, -1.0])[: columns - 1]
-    assert on_front(values[:, 0], values[:, 1:] * signs, *senses).tolist() == wanted
+    assert tables.on_front(values[:, 0], values[:, 1:] * signs, *senses).tolist() == wanted
 
 
 def test_enumeration_proves_the_front_of_two_counts_and_genetic_finds_it(tmp_path: Path) -> None:

@@ -22,18 +22,14 @@ from benchmarks.claims import run as run_claim
 from benchmarks.claims import searches
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from cases import dry_and_inner, grid_document
+from cases import dry_and_inner, grid_document, replace_processes
 from jld_core import Scene, build_assembly, parse_scene
 from jld_core.batch import batch_solver, chosen
-from jld_core.limit.case_relaxation import Relaxation, relaxation_of
+from jld_core.limit import case_relaxation
 from jld_explore import Driver, Exploration, ExploreSettings, Progress, StopReason, explore, search_space
-from jld_explore.drivers import DRIVERS
-from jld_explore.drivers.exact.driver import MinimumCount
-from jld_explore.drivers.exact.proof_check import Claim, check_proof
-from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
+from jld_explore.drivers import DRIVERS, make_driver
 from jld_explore.evaluation import Records
 from jld_explore.report import words
-from jld_explore.search.study import Study
 from jld_explore.space import count_named, from_string, values_of
 from jld_explore.verification import verify
 
@@ -72,6 +68,14 @@ def search(document: dict[str, Any], folder: Path, **options: Any) -> tuple[Expl
     return explore(scene, folder, settings, driver=driver), driver
 
 
+@pytest.fixture(scope="module")
+def known(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A conflict of possible blocks, from which tests make others."""
+    document = grid_document([*["aaa"] * 3, "###"], **WEAK)
+    _, driver = search(document, tmp_path_factory.mktemp("known") / "out", jobs=1, by_blocks="on")
+    return next(one for one in driver.state.conflicts if one.by_possible_blocks)
+
+
 @pytest.mark.parametrize("step_after", [None, *(pytest.param(one, marks=pytest.mark.long) for one in (1, 20))])
 def test_no_layout_is_lost_when_the_target_changes(step_after: int | None, tmp_path: Path) -> None:
     done, _ = search(LOST, tmp_path / "out", step_after=step_after)
@@ -101,11 +105,11 @@ def test_mirrored_blocks_have_one_shape_in_every_order(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("_switching")
-def test_every_layout_handed_over_waits_for_one_evaluation() -> None:
+def test_every_layout_handed_over_waits_for_one_evaluation(known: Any) -> None:
     """Four threads hand over the same and other layouts while a fifth takes and evaluates them."""
     scene = parse_scene(grid_document(["aaaa", "aaaa", "####"], symmetry="none", **WEAK))
     space = search_space(scene, build_assembly(scene))
-    state = ProofState(space)
+    state = DRIVERS["exact"](space).state
     rng = np.random.default_rng(1)
     rows = np.where(space.candidates, rng.random((3000, len(space.fixed))) < 0.5, space.fixed)
     taken: list[bytes] = []
@@ -113,7 +117,8 @@ def test_every_layout_handed_over_waits_for_one_evaluation() -> None:
     def hand_over(part: int) -> None:
         for k in range(part * 500, part * 500 + 1500):
             state.hand_over([rows[k]])
-            state.add_conflicts([Conflict(np.array([k % 7]), np.array([True]), float(-(k % 50)))])
+            one = replace(known, faces=np.array([k % 7]), labels=np.array([True]), bound=float(-(k % 50)))
+            state.add_conflicts([one])
 
     threads = [threading.Thread(target=hand_over, args=(part,)) for part in range(4)]
     for thread in threads:
@@ -134,15 +139,17 @@ def test_every_layout_handed_over_waits_for_one_evaluation() -> None:
     assert {min(one) for one in bounds.values()} == {-49.0}
 
 
-def test_a_proof_in_which_a_bound_was_changed_is_not_proven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_proof_in_which_a_bound_was_changed_is_not_proven(
+    known: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Every conflict claims a third less than its mechanism proves."""
     rows = [*["aaaa"] * 3, "####"]
-    true_init = Conflict.__init__
+    true_init = type(known).__init__
 
-    def lower(self: Conflict, faces: Any, labels: Any, bound: float, *more: Any, **named: Any) -> None:
+    def lower(self: Any, faces: Any, labels: Any, bound: float, *more: Any, **named: Any) -> None:
         true_init(self, faces, labels, bound - 0.3 * abs(bound) if len(faces) else bound, *more, **named)
 
-    monkeypatch.setattr(Conflict, "__init__", lower)
+    monkeypatch.setattr(type(known), "__init__", lower)
     done, driver = search(grid_document(rows, **WEAK), tmp_path / "out", jobs=1, by_blocks="off")
     assert done.summary.proven is False
     assert driver.bound is None
@@ -159,48 +166,38 @@ def test_a_proof_in_which_a_bound_was_changed_is_not_proven(tmp_path: Path, monk
 
 def test_a_proof_that_lost_a_layout_is_not_proven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Formulas leave out what was handed over, and its evaluation never comes: version 0.2 called that proven."""
+    document = grid_document([*["aaa"] * 3, "###"], **WEAK)
+    state = DRIVERS["exact"](search_space(parse_scene(document), build_assembly(document))).state
 
-    def lose(self: ProofState) -> Any:
+    def lose(self: Any) -> Any:
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
-    monkeypatch.setattr(ProofState, "take_waiting", lose)
+    monkeypatch.setattr(type(state), "take_waiting", lose)
     monkeypatch.setattr(
-        "jld_explore.drivers.exact.driver.Exact._lower_bound",
+        DRIVERS["exact"],
+        "_lower_bound",
         lambda self, target, bound: self.found.update({target: replace(self.found[target], bound=bound)}),
     )
-    done, _ = search(grid_document([*["aaa"] * 3, "###"], **WEAK), tmp_path / "out", jobs=1, by_blocks="off")
+    done, _ = search(document, tmp_path / "out", jobs=1, by_blocks="off")
     assert done.summary.proven is False
 
 
-def test_a_conflict_that_refutes_an_evaluated_layout_is_found(tmp_path: Path) -> None:
-    document = grid_document([*["aaaa"] * 3, "####"], **WEAK)
-    done, driver = search(document, tmp_path / "out", jobs=1, by_blocks="off")
-    assert done.summary.proven is True
-    best = np.array([letter == "d" for letter in done.summary.best_labelling])
-    faces = np.flatnonzero(driver.space.candidates)[:5]
-    driver.state.add_conflicts([Conflict(faces, best[faces], 0.1, Evidence.BLOCKS)])
-    claims = [Claim(None, driver.found[None].bound / driver._scale)]
-    check = driver._check_proof(claims, "", driver._incumbents.strongest(100))
-    assert not check.passed
-    assert "allows it 0.1" in check.problem
-
-
-def test_conflicts_of_blocks_are_refuted_again(tmp_path: Path) -> None:
-    """Each by a new program from its labels alone; one that refutes too much is found without any evaluation."""
+def test_conflicts_that_refute_too_much_are_found(known: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the layouts that were evaluated; without any, each of blocks by a new program from its labels alone."""
     document = grid_document([*["aaaa"] * 3, "####"], **WEAK)
     done, driver = search(document, tmp_path / "out", jobs=1, by_blocks="on")
     assert done.summary.proven is True
-    by_blocks = [one for one in driver.state.conflicts if one.evidence is Evidence.BLOCKS]
+    by_blocks = [one for one in driver.state.conflicts if one.by_possible_blocks]
     check = done.summary.facts["proof_check"]
     assert by_blocks
     assert check["weighed"] == check["conflicts"] >= len(by_blocks)
     best = np.array([letter == "d" for letter in done.summary.best_labelling])
     faces = np.flatnonzero(driver.space.candidates)[:5]
-    driver.state.add_conflicts([Conflict(faces, best[faces], 0.1, Evidence.BLOCKS)])
-    claims = [Claim(None, driver.found[None].bound / driver._scale)]
+    driver.state.add_conflicts([replace(known, faces=faces, labels=best[faces], bound=0.1, by_blocks=())])
+    assert "allows it 0.1" in driver._checked().problem
     nothing = np.empty((0, len(best)), dtype=bool), np.empty(0)
-    problem = check_proof(driver._context, driver.state, claims, nothing, "", 100.0).problem
-    assert "a conflict of blocks that was to keep λ at 0.1 is not refuted" in problem
+    monkeypatch.setattr(driver._incumbents, "strongest", lambda _: nothing)
+    assert "a conflict of blocks that was to keep λ at 0.1 is not refuted" in driver._checked().problem
 
 
 def test_a_bound_below_a_layout_is_withdrawn_and_proven_again(tmp_path: Path) -> None:
@@ -245,39 +242,45 @@ def test_check_weighs_every_conflict(tmp_path: Path) -> None:
 class Unproven(Driver):
     """A driver whose proof ended and did not pass its check."""
 
-    name, checks = "unproven", True
+    name, checks, asked = "unproven", True, 0
 
     def ask(self, limit: int | None = None) -> Any:
-        """Propose nothing."""
-        return np.empty((0, len(self.space.fixed)), dtype=bool)
+        """Propose the layout of dry joints alone, once."""
+        rows, self.asked = (self.space.fixed | self.space.candidates)[None][self.asked :], 1
+        return rows
 
     def tell(self, labellings: Any, evaluations: Any) -> None:
         """Learn nothing."""
 
 
-def test_to_ask_why_a_study_ends_changes_nothing(tmp_path: Path) -> None:
-    """The question alone withdrew the bound on record; now the end of a run does."""
-    scene = parse_scene(grid_document(["aa", "aa", "##"], **WEAK))
-    assembly = build_assembly(scene)
-    space = search_space(scene, assembly)
-    study = Study(scene, assembly, space, Unproven(space), tmp_path / "out", ExploreSettings(jobs=1))
-    study.keep_bound(2.0)
-    for _ in range(2):
-        assert study._reason(True) is StopReason.UNPROVEN
-        assert (study.records.bound, study.records.withdrawn) == (2.0, [])
-    assert study.run() is StopReason.UNPROVEN
-    study.records = study.open_records()
-    assert study.records.bound is None
-    study.records.close()
+def test_a_bound_whose_proof_fails_its_check_is_withdrawn_at_the_end(tmp_path: Path) -> None:
+    """Whoever asks before why a search ends withdraws nothing."""
+    scene, folder = parse_scene(grid_document(["aa", "aa", "##"], **WEAK)), tmp_path / "out"
+    space = search_space(scene, build_assembly(scene))
+    withdrawn: list[list[str]] = []
+    for resume in (False, True):
+        if resume:
+            with closing(Records(folder, _header(folder), len(space.fixed))) as records:
+                withdrawn.append(records.withdrawn)
+                records.keep_bound(0.7)  # above the layout's λ of 8 / 13
+        done = explore(scene, folder, replace(QUIET, jobs=1, resume=resume), driver=Unproven(space))
+        assert done.summary.stop_reason == StopReason.UNPROVEN
+    with closing(Records(folder, _header(folder), len(space.fixed))) as records:
+        assert records.bound == pytest.approx(0.75)  # of friction, for all layouts
+        assert len(records.withdrawn) == len(withdrawn[0]) + 1
 
 
 @pytest.mark.parametrize("lowered", [40, pytest.param(10**9, marks=pytest.mark.long)])
 def test_a_bound_recorded_too_low_is_corrected(lowered: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The largest recomputed bound counts, and the search goes on from it to the end."""
-    left, sound = [lowered], Relaxation._refutations
+    left, sound = [lowered], case_relaxation.Relaxation._refutations
 
     def low(
-        self: Relaxation, velocities: np.ndarray, labels: np.ndarray, undecided: np.ndarray, limits: np.ndarray
+        self: case_relaxation.Relaxation,
+        velocities: np.ndarray,
+        labels: np.ndarray,
+        undecided: np.ndarray,
+        limits: np.ndarray,
     ) -> Any:
         found = sound(self, velocities, labels, undecided, limits)
         for k, one in enumerate(found):
@@ -286,7 +289,7 @@ def test_a_bound_recorded_too_low_is_corrected(lowered: int, tmp_path: Path, mon
                 found[k] = replace(one, bound=0.99 * one.bound)
         return found
 
-    monkeypatch.setattr(Relaxation, "_refutations", low)
+    monkeypatch.setattr(case_relaxation.Relaxation, "_refutations", low)
     done, driver = search(LOST, tmp_path / "out", jobs=1, by_blocks="off")
     best = 0.522868698
     assert driver._corrections
@@ -301,7 +304,7 @@ def test_recorded_bounds_are_recomputed_alike(seed: int) -> None:
     """Random boxes in space with inner friction: what refutes a labelling says the same when it is weighed again."""
     rng = np.random.default_rng(seed)
     assembly = build_assembly(parse_scene(boxes(rng)))
-    relaxation = relaxation_of(assembly)
+    relaxation = case_relaxation.relaxation_of(assembly)
     free = assembly.free_faces
     labels = rng.random((40, len(free))) < rng.random((40, 1))
     labels[:, ~free] = assembly.labels[~free]
@@ -369,7 +372,7 @@ def prove(scene: Scene, folder: Path, settings: ExploreSettings = TWO, **options
 @pytest.fixture
 def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Threads in the place of processes: each takes a second or two to start."""
-    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
+    replace_processes(monkeypatch)
     monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.TASK_SECONDS", 0.0)
 
 
@@ -402,7 +405,8 @@ def test_two_find_the_same_count_of_what_is_required(tmp_path: Path) -> None:
     scene = scene_of([*["aaaa"] * 2, "####"], {"tension": 8e3, "shear": 8e3, "block_cells": [1, 3], **require})
     found = []
     for name, settings in (("one", SOLO_PROGRAMS), ("two", TWO)):
-        driver = MinimumCount(search_space(scene, build_assembly(scene)), search=0, solo_relaxations=0)
+        space = search_space(scene, build_assembly(scene))
+        driver = type(make_driver("exact", space, 0))(space, search=0, solo_relaxations=0)
         found.append(explore(scene, tmp_path / name, settings, driver=driver).summary.facts["require"])
         assert (driver._sources.solves > 0) is (settings is TWO)
     assert found[0]["proven"] is found[1]["proven"] is True
@@ -494,7 +498,7 @@ def mortal(jobs: int) -> ThreadPoolExecutor:
 @pytest.mark.usefixtures("_in_threads")
 def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Mortal, "made", 0)
-    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", mortal)
+    replace_processes(monkeypatch, mortal)
     scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
     one, _ = prove(scene, tmp_path / "one", SOLO_PROGRAMS)
     two, _ = prove(scene, tmp_path / "two")

@@ -427,7 +427,4 @@ def test_a_folder_without_parquet_is_written_and_read(
     assert set(alone["governing"]) <= {"=left", "@right"}
     (out / "results.csv").unlink()
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    told = jld("solve", out)
-    assert (told.code, told.err.count("\n")) == (2, 1)
-    assert "results.parquet: it needs pyarrow, which is not installed" in told.err
-    assert "pip install 'jld[parquet]'" in told.err
+    jld("solve", out).refused("results.parquet: it needs pyarrow, which is not installed", "pip install 'jld[parquet]'")

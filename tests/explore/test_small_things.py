@@ -10,7 +10,6 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from typer.main import get_command
 
 import jld_core as jc
 import jld_explore as je
-from cases import grid_document, scene_of_cases, small_scene
+from cases import grid_document, replace_processes, scene_of_cases, small_scene
 from command import ROOT, SCENES, Command, app
 from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
 from jld_explore import Exploration, ExploreSettings, Progress, explore, read_folder, search_space
@@ -93,7 +92,6 @@ def test_the_example_of_the_help_runs(tmp_path: Path, monkeypatch: pytest.Monkey
 
 def test_names_of_the_face_are_not_modules() -> None:
     import jld_explore.explore
-    import jld_explore.search.study
 
     assert callable(jld_explore.explore)
     assert {"explore", "Driver"} <= set(dir(jld_explore))
@@ -308,7 +306,7 @@ def test_searches_of_several_jobs_leave_nothing_behind(tmp_path: Path, monkeypat
     before = settings()  # with what libraries set when they are loaded
     for switch in ("", "off"):
         monkeypatch.setenv("JLD_KERNEL", switch)
-        monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
+        replace_processes(monkeypatch)
         explore(scene, tmp_path / f"out{switch}", ExploreSettings(driver="random", budget=8, jobs=2, pictures=False))
         assert settings() == before
     pool = Pool(1)

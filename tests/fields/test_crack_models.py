@@ -108,13 +108,9 @@ def test_fields_refuse_unsupported_options(jld: Command, tmp_path: Path) -> None
     fields = {"cracks": {"kind": "fields"}}
     assert "rigid cells" in jld("experiment", written(tmp_path, {**BAR, **fields})).err
     weak = {**BAR["materials"], "inner": {"tensile_strength": 0, "shear_strength": 1}}
-    found = jld("check", written(tmp_path, {**BAR, **fields, "materials": weak}))
-    assert found.code == 2
-    assert "tensile_strength" in found.err
+    jld("check", written(tmp_path, {**BAR, **fields, "materials": weak})).refused("tensile_strength")
     corner = {"live": [{"element": "bar", "force": [0, 1], "at": [0.25, 1.5], "width": 0.6}]}
-    found = jld("check", written(tmp_path, {**BAR, **fields, "loads": corner}))
-    assert found.code == 2
-    assert "no room for the patch" in found.err
+    jld("check", written(tmp_path, {**BAR, **fields, "loads": corner})).refused("no room for the patch")
 
 
 def test_cells_divide_the_grid() -> None:

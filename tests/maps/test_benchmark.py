@@ -102,7 +102,4 @@ def test_a_record_can_be_beaten(jld: Command, tmp_path: Path) -> None:
 def test_what_is_no_submission_is_refused(jld: Command, tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "mine.json"
     path.write_text(text, "utf-8")
-    found = jld("benchmark", "check", path)
-    assert (found.code, found.out) == (2, "")
-    assert words in found.err
-    assert found.err.count("\n") == 1
+    jld("benchmark", "check", path).refused(words)

@@ -163,10 +163,7 @@ def test_a_number_takes_the_place_of_a_value_with_uncertainty(value: dict[str, A
     ],
 )
 def test_what_cannot_be_mapped_is_refused_in_one_line(jld: Command, tmp_path: Path, over: str, words: str) -> None:
-    found = jld("map", ARCH, "--over", over, "-o", tmp_path / "out")
-    assert (found.code, found.out) == (2, "")
-    assert words in found.err
-    assert found.err.count("\n") == 1
+    jld("map", ARCH, "--over", over, "-o", tmp_path / "out").refused(words)
     assert not (tmp_path / "out").exists()
 
 

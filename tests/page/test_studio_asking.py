@@ -23,7 +23,7 @@ ezdxf = pytest.importorskip("ezdxf")
 for library in ("uvicorn", "svgelements", "meshio", "rhino3dm", "ifcopenshell"):
     pytest.importorskip(library)
 
-from jld_studio.server import opened  # noqa: E402
+from jld_studio import server  # noqa: E402
 from local_studio import Local, fits  # noqa: E402
 
 
@@ -233,14 +233,14 @@ def test_a_design_that_is_refused_says_why(local: Local, wall: Path) -> None:
 def test_a_drawing_without_supports_is_asked_about(wall: Path, tmp_path: Path) -> None:
     """`jld studio FILE` serves the page where a hand can say what is ground; a file that is none is refused."""
     said: list[str] = []
-    scene, root, study = opened(wall, ImportOptions(), said.append)
+    scene, root, study = server.opened(wall, ImportOptions(), said.append)
     assert (scene.name, root.name, study) == ("a wall to begin with", "a wall_studio", None)
     assert "it has no support" in said[0]
     for name, content in (("none.dxf", None), ("broken.svg", "<svg"), ("a.dwg", "AC1032")):
         if content is not None:
             (tmp_path / name).write_text(content)
         with pytest.raises(InputError, match=name):
-            opened(tmp_path / name, ImportOptions(), said.append)
+            server.opened(tmp_path / name, ImportOptions(), said.append)
     with pytest.raises(InputError, match="no layer of the file is like 'NONE'"):
-        opened(wall, ImportOptions(hole=("NONE",)), said.append)
+        server.opened(wall, ImportOptions(hole=("NONE",)), said.append)
     assert math.isclose(import_file(wall, ImportOptions(support=("-G",))).facts()["area"], 6.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -42,90 +43,75 @@ def test_block_under_horizontal_body_load(friction: float, width: float, height:
     assert result.load_factor == pytest.approx(min(friction, width / height), rel=1e-8, abs=1e-9)
 
 
-@pytest.mark.parametrize("count", [2, 5, 20])
-@pytest.mark.parametrize("friction", [0.02, 0.7])
-def test_column_of_blocks(count: int, friction: float) -> None:
-    """min(μ, b/(n h)): the whole column rocks about its base."""
-    result = column(1.0, 0.5, count, friction, [{"body": [1, 0]}])
-    assert result.load_factor == pytest.approx(min(friction, 1.0 / (count * 0.5)), rel=1e-8)
-
-
-def test_block_under_pure_moment() -> None:
-    """A couple m tips a block of weight 1 and width b when m = b/2."""
-    result = column(1.0, 2.0, 1, 0.5, [{"element": "b0", "moment": 1.0}])
-    assert result.load_factor == pytest.approx(0.5, rel=1e-8)
-
-
-def test_force_outside_its_element() -> None:
-    """A vertical force at distance e beyond the edge tips the block when λ e = W b/2."""
-    result = column(1.0, 1.0, 1, 0.5, [{"element": "b0", "force": [0, -1], "at": [1.25, 3.0]}])
-    assert result.load_factor == pytest.approx(2.0, rel=1e-8)
-
-
-@pytest.mark.parametrize(("tension", "shear"), [(2e4, 1e3), (2e4, 1e6), (0.0, 1e6), (1e3, 200.0)])
-def test_cell_on_an_inner_base(tension: float, shear: float) -> None:
-    """Paper 3.2a, eq. (4): sliding at τA/W, opening at (l/3h)(1 + σt A/W) for a load at the centroid."""
-    side, thickness = 0.1, 0.1
+def cell(rows: list[str], load: dict[str, Any], label: str = "inner", **materials: Any) -> LimitAnalysisResult:
+    """Cells of 0.1 × 0.1 × 0.1 under one load, all of whose faces have one label."""
     document = {
-        "grid": {"cell": [side, side], "thickness": thickness, "rows": ["a", "#"]},
-        "materials": {"density": 1400, "inner": {"tensile_strength": tension, "shear_strength": shear}},
-        "loads": {"live": [{"body": [1, 0]}]},
+        "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": rows},
+        "materials": {label: materials.pop("strengths"), **materials},
+        "loads": {"live": [load]},
     }
-    weight, area = 1400 * 9.81 * side * side * thickness, side * thickness
-    result = solve(build_assembly(parse_scene(all_inner(document))))
-    expected = min(shear * area / weight, (side / (3 * side)) * (1 + tension * area / weight))
-    assert result.load_factor == pytest.approx(expected, rel=1e-8)
+    return solve(build_assembly(parse_scene(all_inner(document, label))))
 
 
-def test_horizontal_inner_cantilever() -> None:
-    """A weightless cell glued to a wall, transverse tip force P: P l = σt A h/6 or P = τA."""
-    tension, shear, side = 2e5, 1e6, 0.1
-    document = {
-        "grid": {"cell": [side, side], "thickness": side, "rows": ["#a"]},
-        "materials": {"inner": {"tensile_strength": tension, "shear_strength": shear}},
-        "loads": {"live": [{"element": "c1r0", "force": [0, -1], "at": [2 * side, side / 2]}]},
-    }
-    result = solve(build_assembly(parse_scene(all_inner(document))))
-    area = side * side
-    assert result.load_factor == pytest.approx(min(tension * area * side / 6 / side, shear * area), rel=1e-8)
+def tip(place: int, *at: float) -> dict[str, Any]:
+    return {"element": f"c{place}r0", "force": [0, -1], **({"at": list(at)} if at else {})}
+
+
+CRUSHING = {"friction_coefficient": 0.5, "compressive_strength": 4e5}
+BRITTLE = {"tensile_strength": 1e5, "shear_strength": 1e5, "compressive_strength": 4e5}
+CLOSED: dict[str, tuple[Callable[[], LimitAnalysisResult], float]] = {
+    # the whole column rocks about its base: min(μ, b/(n h))
+    **{
+        f"{count} blocks, μ = {friction}": (
+            lambda count=count, friction=friction: column(1.0, 0.5, count, friction, [{"body": [1, 0]}]),
+            min(friction, 2.0 / count),
+        )
+        for count in (2, 5, 20)
+        for friction in (0.02, 0.7)
+    },
+    # a couple m tips a block of weight 1 and width b when m = b/2
+    "couple": (lambda: column(1.0, 2.0, 1, 0.5, [{"element": "b0", "moment": 1.0}]), 0.5),
+    # a vertical force at distance e beyond the edge when λ e = W b/2
+    "outside": (lambda: column(1.0, 1.0, 1, 0.5, [{"element": "b0", "force": [0, -1], "at": [1.25, 3.0]}]), 2.0),
+    # a weightless cell glued to a wall, transverse tip force P: P l = σt A h/6, less than τA
+    "cantilever": (
+        lambda: cell(["#a"], tip(1, 0.2, 0.05), strengths={"tensile_strength": 2e5, "shear_strength": 1e6}),
+        2e5 * 1e-2 / 6,
+    ),
+    # pulled straight off: σt A
+    "pulled": (
+        lambda: cell(
+            ["a", "#"], {"element": "c0r0", "force": [0, 1]}, strengths={"tensile_strength": 3e5, "shear_strength": 1e6}
+        ),
+        3e3,
+    ),
+    # compression at the centroid crushes a face at σc A, whatever its label
+    "crushed joint": (lambda: cell(["a", "#"], tip(0), "dry", strengths=CRUSHING, inner=BRITTLE), 4e3),
+    "crushed face": (lambda: cell(["a", "#"], tip(0), strengths=BRITTLE, dry=CRUSHING), 4e3),
+    # (2.10): a force at eccentricity e is carried by the strip l − 2e, N = σc t (l − 2e)
+    "off the middle": (lambda: cell(["a", "#"], tip(0, 0.07, 0.1), "dry", strengths=CRUSHING), 4e4 * 0.06),
+    # paper 3.2a, eq. (4): sliding at τA/W, opening at (l/3h)(1 + σt A/W) for a load at the centroid
+    **{
+        f"glued, σt = {tension:g}, τ = {shear:g}": (
+            lambda tension=tension, shear=shear: cell(
+                ["a", "#"],
+                {"body": [1, 0]},
+                strengths={"tensile_strength": tension, "shear_strength": shear},
+                density=1400,
+            ),
+            min(shear / 1373.4, (1.0 + tension / 1373.4) / 3.0),
+        )
+        for tension, shear in ((2e4, 1e3), (2e4, 1e6), (0.0, 1e6), (1e3, 200.0))
+    },
+}
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_closed_forms(name: str) -> None:
+    made, expected = CLOSED[name]
+    result = made()
+    assert result.load_factor == pytest.approx(expected, rel=1e-7 if "crushed" in name or "off" in name else 1e-8)
     assert result.stands_at_zero is True
-
-
-def test_pulled_cell() -> None:
-    """A weightless glued cell pulled straight off: σt A."""
-    document = {
-        "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["a", "#"]},
-        "materials": {"inner": {"tensile_strength": 3e5, "shear_strength": 1e6}},
-        "loads": {"live": [{"element": "c0r0", "force": [0, 1]}]},
-    }
-    assert solve(build_assembly(parse_scene(all_inner(document)))).load_factor == pytest.approx(3e3, rel=1e-8)
-
-
-@pytest.mark.parametrize("label", ["dry", "inner"])
-def test_crushing(label: str) -> None:
-    """Compression at the centroid crushes a face at σc A, whatever its label."""
-    document = {
-        "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["a", "#"]},
-        "materials": {
-            "dry": {"friction_coefficient": 0.5, "compressive_strength": 4e5},
-            "inner": {"tensile_strength": 1e5, "shear_strength": 1e5, "compressive_strength": 4e5},
-        },
-        "loads": {"live": [{"element": "c0r0", "force": [0, -1]}]},
-    }
-    result = solve(build_assembly(parse_scene(all_inner(document, label))))
-    assert result.load_factor == pytest.approx(4e3, rel=1e-7)
-
-
-def test_eccentric_crushing_of_a_joint() -> None:
-    """docs/method.md (2.10): a force at eccentricity e is carried by the strip l − 2e, N = σc t (l − 2e)."""
-    side, crush, off = 0.1, 4e5, 0.02
-    document = {
-        "grid": {"cell": [side, side], "thickness": side, "rows": ["a", "#"]},
-        "materials": {"dry": {"friction_coefficient": 0.5, "compressive_strength": crush}},
-        "loads": {"live": [{"element": "c0r0", "force": [0, -1], "at": [side / 2 + off, side]}]},
-    }
-    result = solve(build_assembly(parse_scene(document)))
-    assert result.load_factor == pytest.approx(crush * side * (side - 2 * off), rel=1e-7)
 
 
 def test_pressed_stack_is_locked() -> None:

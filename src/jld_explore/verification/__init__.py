@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
-from jld_explore.verification.verify import verify
+from jld_explore.verification.verify import Checker, verify
 
 if TYPE_CHECKING:
     from jld_explore.verification import certificate
 
-__all__ = ["certificate", "verify"]
+__all__ = ["Checker", "certificate", "verify"]
 
 export_lazily(__name__, {}, submodules=["certificate"])

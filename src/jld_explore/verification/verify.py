@@ -631,10 +631,34 @@ def verify(path: Path, scene: Scene | None = None) -> Verified:
 
 
 class Checker:
+    """Checker of the reasons of one certificate, in whole numbers.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the certificate.
+    assembly : Assembly
+        Assembly of that scene.
+    claim : certificate.Claim
+        What the reasons are to prove.
+
+    Attributes
+    ----------
+    labellings : Labellings
+        What is known of the labellings of the scene, as clauses.
+    balances : list of Balances
+        Balance of power of mechanisms, of each load case.
+
+    Raises
+    ------
+    InputError
+        For a labelling that the scene does not have.
+    """
+
     def __init__(self, scene: Scene, assembly: Assembly, claim: Claim) -> None:
         self.labellings = Labellings(scene, assembly)
         cases = assembly.by_case
-        self._balances = [Balances(case) for case in cases]
+        self.balances = [Balances(case) for case in cases]
         self._bounds = [Fraction(claim.bound) * Fraction(required) for required in assembly.required.tolist()]
         self.ceilings: list[Fraction | None] = [None] * len(cases)  # λ that no labelling exceeds, by mechanisms so far
         self._faces = len(assembly.interfaces)
@@ -699,9 +723,9 @@ class Checker:
 
     def _weighed(self, reason: Mechanism) -> Balance | None:
         decided = self._decided(reason)
-        if decided is None or not self._move(reason.moves, self._balances[reason.case].assembly.freedoms):
+        if decided is None or not self._move(reason.moves, self.balances[reason.case].assembly.freedoms):
             return None
-        return self._balances[reason.case].weigh(reason.moves, reason.digits, decided)
+        return self.balances[reason.case].weigh(reason.moves, reason.digits, decided)
 
     def _decided(self, reason: Mechanism | BlockMechanism) -> dict[int, bool] | None:
         """Return the labels of a reason and those that are fixed; None if they disagree, or its case is none."""
@@ -710,7 +734,7 @@ class Checker:
             if not 0 <= face < self._faces or decided.get(face, dry) is not dry:
                 return None
             decided[face] = dry
-        return decided if 0 <= reason.case < len(self._balances) else None
+        return decided if 0 <= reason.case < len(self.balances) else None
 
     def _move(self, moves: Mapping[int, Sequence[int]], numbers: int) -> bool:
         """Return whether all keys are free elements, with so many numbers each."""
@@ -745,7 +769,7 @@ class Checker:
             velocity = reason.blocks.get(block.members, still * len(block.members))
             moves = {e: velocity[q * k : q * k + q] for k, e in enumerate(block.members)}
             sides = {f: walls.get(f, still) for f in block.around}
-            balance = self._balances[reason.case].weigh_block(moves, reason.digits, block.inside, sides)
+            balance = self.balances[reason.case].weigh_block(moves, reason.digits, block.inside, sides)
             if balance.spent is None:
                 return None
             members = [price[e] for e in block.members if e in price]

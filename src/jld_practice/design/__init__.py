@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from jld_core import export_lazily
 
 if TYPE_CHECKING:
+    from jld_practice.design import run, tessellations, trials
     from jld_practice.design.options import DesignOptions, Outline, read_outline, with_loads
     from jld_practice.design.page import facts_of, write_design
     from jld_practice.design.run import Task
@@ -23,6 +24,9 @@ __all__ = [
     "Trial",
     "facts_of",
     "read_outline",
+    "run",
+    "tessellations",
+    "trials",
     "uniaxial_strength",
     "with_crushing",
     "with_loads",
@@ -38,4 +42,5 @@ export_lazily(
         "tessellations": ["uniaxial_strength", "with_crushing", "Tessellation"],
         "trials": ["Design", "Screening", "Trial"],
     },
+    submodules=["run", "tessellations", "trials"],
 )

@@ -33,8 +33,9 @@ from jld_explore.drivers.exact.proof_state import Conflict
 from jld_explore.space import feasible, to_string
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.search_space import SearchSpace
+from jld_explore.verification import Checker
 from jld_explore.verification.certificate import BlockMechanism, Claim, Lemma, Mechanism, Reason, Rule, write
-from jld_explore.verification.verify import Balances, Checker, Labellings
+from jld_explore.verification.verify import Balances, Labellings
 
 # Relative amount by which the certified bound exceeds the bound of the search. It is a fifth of `tolerances.PROVEN`. It
 # covers the accuracy of the solver that computes mechanisms again, and their rounding.
