@@ -306,6 +306,10 @@ class ConflictDriver(ProvingDriver):
     def _note_check(self, check: ProofCheck, *, goes_on: bool) -> None:
         """Take in the result of a check; the search begins anew where the proof goes on."""
 
+    def prepare(self) -> None:
+        if self._enumeration is None and not self._heuristics.ended:
+            self._heuristics.driver.prepare()
+
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         if self._enumeration is not None:
             self._enumeration.tell(labellings, evaluations)
