@@ -192,10 +192,11 @@ class Backing:
 
     @property
     def _free_depth(self) -> float:
-        """Return the depth down to which the soil leaves no active pressure, at least 0."""
-        weight = self.fill.density * self.gravity
-        upright = self.fill.held(self.fill.passive_coefficient) - self.fill.surcharge
-        return max(0.0, upright / weight) if weight else 0.0
+        """Return the depth down to which cohesion leaves no active pressure, at least 0."""
+        # There the vertical stress is 2 c √Kp, at which `_active` begins: Ka σ = 2 c √Ka, and Ka = 1 / Kp.
+        unit_weight = self.fill.density * self.gravity
+        stress_of_weight = self.fill.cohesive_pressure(self.fill.passive_coefficient) - self.fill.surcharge
+        return max(0.0, stress_of_weight / unit_weight) if unit_weight else 0.0
 
     def _vertical(self, depth: Floats) -> Floats:
         """Return the vertical stress at depths (k,) below the surface."""
@@ -204,14 +205,15 @@ class Backing:
     def _active(self, edge: CoveredEdge) -> Floats:
         coefficient = 1.0 / self.fill.passive_coefficient
         stress = self._vertical(self.fill.level - edge.height)
-        full = coefficient * stress - self.fill.held(coefficient)
+        full = coefficient * stress - self.fill.cohesive_pressure(coefficient)
         return np.asarray(self.fill.active * np.maximum(full, 0.0))
 
     def _passive(self, edge: CoveredEdge) -> Floats:
         coefficient = self.fill.passive_coefficient
         stress = self._vertical(self.fill.level - edge.height)
         return np.asarray(
-            self.fill.passive * coefficient * stress + self.fill.passive_cohesion * self.fill.held(coefficient)
+            self.fill.passive * coefficient * stress
+            + self.fill.passive_cohesion * self.fill.cohesive_pressure(coefficient)
         )
 
     def _rise(self, edge: CoveredEdge) -> float:
