@@ -282,6 +282,11 @@ class Interfaces:
         arrays = {name: values[rows] for name, values in vars(self).items() if name != "polygon"}
         return Interfaces(**arrays, polygon=tuple(self.polygon[k] for k in rows))
 
+    def between(self, first: int, second: int) -> Ints:
+        """Return the interfaces of two elements with each other."""
+        forward, backward = (self.a == first) & (self.b == second), (self.a == second) & (self.b == first)
+        return np.flatnonzero(forward | backward)
+
 
 @dataclass(frozen=True)
 class LoadCase:

@@ -29,9 +29,9 @@ def require_writable(path: Path) -> None:
     missing = list(itertools.takewhile(lambda parent: not parent.exists(), path.parents))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        fresh = _fresh(path)
-        fresh.open("xb").close()
-        fresh.unlink()
+        temporary = _fresh(path)
+        temporary.open("xb").close()
+        temporary.unlink()
     finally:
         for parent in missing:
             if parent.is_dir():
@@ -40,15 +40,15 @@ def require_writable(path: Path) -> None:
 
 def require_folder(folder: Path) -> None:
     """Raise InputError unless a folder exists or can be made, and is writable."""
-    missing = itertools.takewhile(lambda place: not place.exists(), (folder, *folder.absolute().parents))
-    for place in missing:
-        if place.is_symlink():
-            raise InputError(str(place), f"it is a link to {os.readlink(place)}, which is not there", "a folder")
-    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
-    if not there.is_dir():
-        raise InputError(str(there), "it is a file", "a folder for the results")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError(str(there), "it is not writable", "a folder that results may be written into")
+    missing = itertools.takewhile(lambda parent: not parent.exists(), (folder, *folder.absolute().parents))
+    for parent in missing:
+        if parent.is_symlink():
+            raise InputError(str(parent), f"it is a link to {os.readlink(parent)}, which is not there", "a folder")
+    existing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+    if not existing.is_dir():
+        raise InputError(str(existing), "it is a file", "a folder for the results")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise InputError(str(existing), "it is not writable", "a folder that results may be written into")
 
 
 def _fresh(path: Path) -> Path:
@@ -64,19 +64,19 @@ def whole_file(path: Path) -> Iterator[Path]:
     # If writing fails the temporary file is removed and the old file stays. If the path is a symbolic link, the file
     # that it points to is replaced.
     path = Path(os.path.realpath(path))
-    fresh = _fresh(path)
+    temporary = _fresh(path)
     try:
-        yield fresh
-        os.replace(fresh, path)
+        yield temporary
+        os.replace(temporary, path)
     except OSError as error:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from None
     finally:
-        fresh.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
-    with whole_file(path) as fresh:
-        fresh.write_text(text, encoding="utf-8")
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 RUN_BY_SPREADSHEETS: Final = ("=", "+", "-", "@", "\t", "\r")

@@ -90,13 +90,13 @@ class Layout:
     @cached_property
     def block_of(self) -> Ints:
         """Position in `blocks` of each element's block (n,)."""
-        number = blocks_of(self.assembly, self.labels)
+        label = blocks_of(self.assembly, self.labels)
         free = ~self.assembly.elements.support
-        _, first = np.unique(number, return_index=True)
-        grounded = [not free[number == number[k]].any() for k in first]
+        _, first = np.unique(label, return_index=True)
+        grounded = [not free[label == label[k]].any() for k in first]
         order = [k for _, k in sorted(zip(grounded, first.tolist(), strict=True))]
-        place = {int(number[k]): position for position, k in enumerate(order)}
-        return np.array([place[int(k)] for k in number], dtype=np.int64)
+        position_of = {int(label[k]): position for position, k in enumerate(order)}
+        return np.array([position_of[int(k)] for k in label], dtype=np.int64)
 
     @cached_property
     def members(self) -> tuple[Ints, ...]:
@@ -149,33 +149,33 @@ class Layout:
         """All blocks; those with a free element come first, blocks of supports alone last."""
         elements, faces = self.assembly.elements, self.assembly.interfaces
         weight = np.linalg.norm(elements.weight, axis=1)
-        extent = self.assembly.face_sizes
+        face_size = self.assembly.face_sizes
         block_a, block_b = self.block_of[faces.a], self.block_of[faces.b]
         shapes = self._shapes()
-        found = []
-        for k, one in enumerate(self.members):
-            free = one[~elements.support[one]]
-            own = free if len(free) else one
-            around = self.labels & ((block_a == k) | (block_b == k))
-            inside = ~self.labels & ~self.assembly.of_members & (block_a == k) & (block_b == k)
-            share = weight[own] if weight[own].sum() > 0.0 else elements.volume[own]
-            found.append(
+        blocks = []
+        for k, members in enumerate(self.members):
+            free = members[~elements.support[members]]
+            counted = free if len(free) else members
+            dry_around = self.labels & ((block_a == k) | (block_b == k))
+            inner_inside = ~self.labels & ~self.assembly.of_members & (block_a == k) & (block_b == k)
+            share = weight[counted] if weight[counted].sum() > 0.0 else elements.volume[counted]
+            blocks.append(
                 Block(
-                    name=self._name(one),
-                    elements=tuple(one.tolist()),
-                    support=bool(elements.support[one].any()),
+                    name=self._name(members),
+                    elements=tuple(members.tolist()),
+                    support=bool(elements.support[members].any()),
                     cells=len(free),
-                    volume=float(elements.volume[own].sum()),
-                    mass=float(elements.mass[own].sum()),
-                    centroid=tuple((share @ elements.centroid[own] / share.sum()).tolist()),
-                    lower=tuple(elements.lower[own].min(axis=0).tolist()),
-                    upper=tuple(elements.upper[own].max(axis=0).tolist()),
+                    volume=float(elements.volume[counted].sum()),
+                    mass=float(elements.mass[counted].sum()),
+                    centroid=tuple((share @ elements.centroid[counted] / share.sum()).tolist()),
+                    lower=tuple(elements.lower[counted].min(axis=0).tolist()),
+                    upper=tuple(elements.upper[counted].max(axis=0).tolist()),
                     shape=shapes[k],
-                    dry=float(extent[around].sum()),
-                    inner=float(extent[inside].sum()),
+                    dry=float(face_size[dry_around].sum()),
+                    inner=float(face_size[inner_inside].sum()),
                 )
             )
-        return tuple(found)
+        return tuple(blocks)
 
     def _name(self, members: Ints) -> str:
         """Return a block's name: that of the scene for exactly these elements, else the first id.
@@ -184,27 +184,28 @@ class Layout:
         """
         elements = self.assembly.elements
         name = elements.blocks[int(members[0])]
-        whole = self._named.get(name, [])
-        return name if name is not None and whole == members.tolist() else elements.ids[int(members[0])]
+        named_so = self._named.get(name, [])
+        return name if name is not None and named_so == members.tolist() else elements.ids[int(members[0])]
 
     @cached_property
     def _named(self) -> dict[str | None, list[int]]:
-        found: dict[str | None, list[int]] = {}
+        by_name: dict[str | None, list[int]] = {}
         for k, name in enumerate(self.assembly.elements.blocks):
-            found.setdefault(name, []).append(k)
-        return found
+            by_name.setdefault(name, []).append(k)
+        return by_name
 
     def _shapes(self) -> list[int]:
         """Return the shape number of each block: from 1, equal for equal shapes; 0 for supports."""
         # Supports are blocks without a free element. Planar blocks may be mirrored (turned over), spatial ones may not.
         elements = self.assembly.elements
         planar = self.assembly.dimension == 2
-        chosen = [k for k, one in enumerate(self.members) if not elements.support[one].all()]
+        free_blocks = [k for k, block in enumerate(self.members) if not elements.support[block].all()]
         # the outline of a block excludes supports joined to it
         shapes = Outlines(self.assembly)
-        outlines = [shapes.of(one[~elements.support[one]]) for one in map(self.members.__getitem__, chosen)]
+        members = [self.members[k] for k in free_blocks]
+        outlines = [shapes.of(block[~elements.support[block]]) for block in members]
         numbers = [0] * len(self.members)
-        for k, number in zip(chosen, shape_numbers(outlines, reach_of(self.assembly), flip=planar), strict=True):
+        for k, number in zip(free_blocks, shape_numbers(outlines, reach_of(self.assembly), flip=planar), strict=True):
             numbers[k] = number
         return numbers
 

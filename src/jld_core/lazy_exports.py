@@ -46,7 +46,7 @@ def export_lazily(package: str, modules: Mapping[str, Sequence[str]], submodules
     submodules : Sequence of str
         Modules exported as such.
     """
-    of = {name: module for module, names in modules.items() for name in names}
-    loaded = sys.modules[package]
-    loaded.__dict__["_module_of"] = of | dict.fromkeys(submodules, "")
-    loaded.__class__ = _LazyPackage
+    module_of = {name: module for module, names in modules.items() for name in names}
+    package_module = sys.modules[package]
+    package_module.__dict__["_module_of"] = module_of | dict.fromkeys(submodules, "")
+    package_module.__class__ = _LazyPackage

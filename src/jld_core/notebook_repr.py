@@ -44,8 +44,8 @@ class NotebookRepr(Showable):
     @property
     def _view(self) -> View:
         module, name = self.shown_by.split(":")
-        made: View = getattr(import_module(module), name)()
-        return made
+        view: View = getattr(import_module(module), name)()
+        return view
 
     @cached_property
     def _drawing(self) -> str | bytes | None:

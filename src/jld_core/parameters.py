@@ -47,13 +47,13 @@ def setting(default: Any, words: str, **option: Any) -> Any:
 
     Help texts and the section Attributes are made of the words, in which another setting is written `name=value`.
     """
-    stated = {"words": words, **option}
-    return field(default_factory=dict, metadata=stated) if default is dict else field(default=default, metadata=stated)
+    facts = {"words": words, **option}
+    return field(default_factory=dict, metadata=facts) if default is dict else field(default=default, metadata=facts)
 
 
 def documented(kind: type[_Settings]) -> type[_Settings]:
     """Add the section Attributes, made of the fields that `setting` states; a decorator."""
-    rows = [f"{one.name} : {one.type}\n    {one.metadata['words']}" for one in fields(kind) if "words" in one.metadata]  # type: ignore[arg-type]
+    rows = [f"{f.name} : {f.type}\n    {f.metadata['words']}" for f in fields(kind) if "words" in f.metadata]  # type: ignore[arg-type]
     kind.__doc__ = f"{inspect.cleandoc(kind.__doc__ or '')}\n\nAttributes\n----------\n" + "\n".join(rows)
     return kind
 
@@ -66,24 +66,24 @@ def require_kind(parameter: str, value: Any, *kinds: Any) -> None:
 
 
 def _words(kinds: tuple[Any, ...]) -> str:
-    named = [kind for kind in kinds if kind is not NoneType]
+    kinds_told = [kind for kind in kinds if kind is not NoneType]
     return " or ".join(
         dict.fromkeys(
             f"a list of values, each {_words(kind.of)}"
             if isinstance(kind, _Sequence)
             else _KINDS.get(kind, (kind, f"a {getattr(kind, '__name__', kind)}"))[1]
-            for kind in named
+            for kind in kinds_told
         )
     )
 
 
 def typed(function: _Function) -> _Function:
     """Make a function raise ParameterError for an argument that its annotation excludes."""
-    accepted = inspect.signature(function)
+    signature = inspect.signature(function)
 
     @wraps(function)
     def checked(*positional: Any, **named: Any) -> Any:
-        for name, value in accepted.bind(*positional, **named).arguments.items():
+        for name, value in signature.bind(*positional, **named).arguments.items():
             kinds = _kinds_of_arguments(function).get(name)
             if kinds:
                 require_kind(name, value, *kinds)
@@ -94,15 +94,16 @@ def typed(function: _Function) -> _Function:
 
 @cache
 def _kinds_of_arguments(function: Callable[..., Any]) -> dict[str, tuple[Any, ...]]:
-    found, space = {}, inspect.unwrap(function).__globals__
-    for name, one in inspect.signature(function).parameters.items():
+    kinds, namespace = {}, inspect.unwrap(function).__globals__
+    for name, parameter in inspect.signature(function).parameters.items():
         try:
-            hint = eval(one.annotation, space) if isinstance(one.annotation, str) else one.annotation
+            hint = parameter.annotation
+            hint = eval(hint, namespace) if isinstance(hint, str) else hint
         except NameError:  # a type that is imported for the checker of types only
             continue
-        if hint is not one.empty and one.kind not in (one.VAR_KEYWORD, one.VAR_POSITIONAL):
-            found[name] = _flat(hint)
-    return found
+        if hint is not parameter.empty and parameter.kind not in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL):
+            kinds[name] = _flat(hint)
+    return kinds
 
 
 def require_field_types(thing: Any) -> None:
@@ -114,16 +115,16 @@ def require_field_types(thing: Any) -> None:
 
 def near(word: str, names: Any) -> str:
     """Return the names as a remedy for an unknown word; of many only the one most like it."""
-    known = list(names)
-    like = [f'"{name}"' for name in get_close_matches(word, known, 1, 0.6)]
-    return ", ".join(like + (["one of " + ", ".join(known)] if len(known) < 12 or not like else []))
+    choices = list(names)
+    similar = [f'"{name}"' for name in get_close_matches(word, choices, 1, 0.6)]
+    return ", ".join(similar + (["one of " + ", ".join(choices)] if len(choices) < 12 or not similar else []))
 
 
 @cache
 def _kinds_of(kind: Any) -> dict[str, tuple[Any, ...]]:
     """Return the kinds that each field admits; an empty tuple where any value may be right."""
     hints = get_type_hints(kind)
-    return {one.name: _flat(hints[one.name]) for one in fields(kind)}
+    return {field.name: _flat(hints[field.name]) for field in fields(kind)}
 
 
 def _flat(hint: Any) -> tuple[Any, ...]:
@@ -153,8 +154,8 @@ def _is(value: Any, kind: Any) -> bool:
         return False
     if isinstance(kind, _Sequence):
         return isinstance(value, list | tuple | np.ndarray) and all(any(_is(v, k) for k in kind.of) for v in value)
-    found: bool = isinstance(value, _KINDS[kind][0] if kind in _KINDS else kind)
-    return found
+    matches: bool = isinstance(value, _KINDS[kind][0] if kind in _KINDS else kind)
+    return matches
 
 
 def shown_value(value: Any) -> str:

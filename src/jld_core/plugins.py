@@ -35,16 +35,16 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
     if checkout is not None:
         from importlib import metadata
 
-        points = [one for one in points if one.dist is None or one.dist.name != "jld"]
+        points = [p for p in points if p.dist is None or p.dist.name != "jld"]
         points += [metadata.EntryPoint(name, value, group) for name, value in checkout.get(group, {}).items()]
-    found: dict[str, EntryPoint] = {}
+    by_name: dict[str, EntryPoint] = {}
     for point in sorted(points, key=lambda point: (point.name, point.value)):
-        other = found.setdefault(point.name, point)
-        if other.value != point.value:
-            packages = " and ".join(f"{package(one)} ({one.value})" for one in (other, point))
+        same_name = by_name.setdefault(point.name, point)
+        if same_name.value != point.value:
+            packages = " and ".join(f"{package(p)} ({p.value})" for p in (same_name, point))
             problem = f"two packages name {GROUPS[group]} so: {packages}"
             raise InputError(f"plug-in {point.name!r}", problem, "one of them uninstalled")
-    return found
+    return by_name
 
 
 @cache
@@ -110,18 +110,18 @@ def guarded(group: str, which: Any) -> Iterator[None]:
     except (InputError, OSError, MemoryError):  # they have lines of their own
         raise
     except (Exception, SystemExit) as error:
-        named = (name for name in entry_points(group) if which == name or load(group, name) is which)
-        point = entry_points(group).get(next(named, ""))
-        ends = group == "jld.commands" and isinstance(error, SystemExit)
-        if ends or type(error).__module__.partition(".")[0] in _OWN_WORDS or point is None:
+        names = (name for name in entry_points(group) if which == name or load(group, name) is which)
+        point = entry_points(group).get(next(names, ""))
+        is_exit_of_command = group == "jld.commands" and isinstance(error, SystemExit)
+        if is_exit_of_command or type(error).__module__.partition(".")[0] in _OWN_WORDS or point is None:
             raise
         if point.dist is None or point.dist.name == "jld":
             raise
-        calls = traceback.extract_tb(error.__traceback__)
+        calls = list(traceback.extract_tb(error.__traceback__))
         module = point.module.partition(".")[0]
-        own = [call for call in calls if module in (Path(call.filename).stem, *Path(call.filename).parts)] or calls
-        at = f"{Path(own[-1].filename).name}, line {own[-1].lineno}"
-        problem = f"it raises {repr(error)[:_LONGEST]} ({at})"
+        calls = [c for c in calls if module in (Path(c.filename).stem, *Path(c.filename).parts)] or calls
+        place = f"{Path(calls[-1].filename).name}, line {calls[-1].lineno}"
+        problem = f"it raises {repr(error)[:_LONGEST]} ({place})"
         raise refuse_type(group, point.name, f"{GROUPS[group]} that ends without an error", problem) from error
 
 

@@ -52,7 +52,7 @@ ODD = [
         "loads.live",
         [{"element": "c0r0", "force": [0, -1], "at": [350.0, 0.0]}],
         "the line of action of the live load passes 349",
-        "through 350",
+        "m beside the structure (through 350",
     ),
 ]
 
@@ -67,6 +67,14 @@ def test_implausible_values_are_warnings(path: str, value: object, what: str | N
     assert len(about) == 1, assembly.warnings
     assert str(meant) in about[0]
     assert "usual is" in about[0] or "acts downwards" in about[0]
+
+
+def test_a_load_beside_the_structure_is_told_in_the_unit_of_the_scene() -> None:
+    document = with_("loads.live", [{"element": "c0r0", "force": [0, -1], "at": [350.0, 0.0]}])
+    warnings = build_assembly(parse_scene({**document, "units": {"length": "cm", "force": "N"}})).warnings
+    (told,) = [warning for warning in warnings if "line of action" in warning]
+    assert " cm beside the structure" in told
+    assert " m " not in told
 
 
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.json")), ids=lambda path: path.stem)

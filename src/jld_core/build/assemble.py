@@ -72,11 +72,11 @@ def build_robust(scene: Scene) -> Assembly:
         No material value has a low value, or as in `build_assembly`.
     """
     low = at_low(scene)
-    nominal, weak = build_assembly(scene), build_assembly(low)
-    if len(weak.interfaces) != len(nominal.interfaces):
+    nominal, robust = build_assembly(scene), build_assembly(low)
+    if len(robust.interfaces) != len(nominal.interfaces):
         raise InputError("members", "a low tension equals the prestress", "a low tension above it")
-    low_values = nominal.face_strengths.low_of(weak.face_strengths)
-    return replace(nominal, face_strengths=low_values, members=weak.members)
+    low_values = nominal.face_strengths.low_of(robust.face_strengths)
+    return replace(nominal, face_strengths=low_values, members=robust.members)
 
 
 @typed
@@ -120,7 +120,7 @@ def build_assembly(scene: Scene | str | Path | Mapping[str, Any], geometry: Geom
         ),
         dead_loads=cases[0].dead_loads,
         live_loads=cases[0].live_loads,
-        labels=_own_labels(scene, elements, interfaces, given),
+        labels=_labels_of_scene(scene, elements, interfaces, given),
         moved=geometry.moved,
         cases=cases if scene.loads.has_cases else (),
         touching=geometry.touching,
@@ -146,48 +146,48 @@ def _backing(scene: Scene, elements: Elements) -> Backing | None:
 
 def noted_means(scene: Scene) -> tuple[str, ...]:
     """Return a note that uncertain values are taken at their means; () if there are none."""
-    named = [in_words(path) for path, _ in uncertain_values(scene)]
-    if not named:
+    names = [in_words(path) for path, _ in uncertain_values(scene)]
+    if not names:
         return ()
-    more = f" and {len(named) - _NAMED} more" if len(named) > _NAMED else ""
-    return (f"the means stand for values with uncertainty ({', '.join(named[:_NAMED])}{more}): see jld reliability",)
+    others = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return (f"the means stand for values with uncertainty ({', '.join(names[:_NAMED])}{others}): see jld reliability",)
 
 
 def _glued_supports(scene: Scene, assembly: Assembly) -> tuple[str, ...]:
     """Return a note that the default label glues supports which could be joints; () where none is."""
     elements, faces = assembly.elements, assembly.interfaces
     count = int((~assembly.labels & (elements.support[faces.a] | elements.support[faces.b])).sum())
-    named = scene.labels.inner or any(contact.label for contact in scene.interfaces or [])
-    if scene.labels.default != "inner" or scene.materials.dry is None or named or not count:
+    states_labels = scene.labels.inner or any(contact.label for contact in scene.interfaces or [])
+    if scene.labels.default != "inner" or scene.materials.dry is None or states_labels or not count:
         return ()
-    each = "1 face to a support" if count == 1 else f"{count} faces to supports"
-    return (f'labels.default "inner" glues {each} too; "labels.dry" lists pairs that are joints',)
+    faces_to_supports = "1 face to a support" if count == 1 else f"{count} faces to supports"
+    return (f'labels.default "inner" glues {faces_to_supports} too; "labels.dry" lists pairs that are joints',)
 
 
 def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:
-    found: list[FaceMaterial | None] = [None] * len(interfaces)
+    entry_of: list[FaceMaterial | None] = [None] * len(interfaces)
     for position, entry in enumerate(scene.materials.faces):
         where = f"materials.faces[{position}].between"
-        chosen = faces_of_pairs([entry.between], elements, interfaces, where)
-        for face in np.flatnonzero(chosen).tolist():
-            if found[face] is not None:
+        of_pair = faces_of_pairs([entry.between], elements, interfaces, where)
+        for face in np.flatnonzero(of_pair).tolist():
+            if entry_of[face] is not None:
                 raise InputError(where, f"{' and '.join(entry.between)} are given twice", "one entry for each pair")
-            found[face] = entry
-    return found
+            entry_of[face] = entry
+    return entry_of
 
 
 def _check_paths(geometry: Geometry) -> None:
     """Raise InputError for an element without a path of interfaces to a support."""
     # Equilibrium of such an element has no solution.
     elements, interfaces = geometry.elements, geometry.interfaces
-    part = components(len(elements), interfaces.a, interfaces.b)
-    reached = np.isin(part, part[elements.support])
+    component = components(len(elements), interfaces.a, interfaces.b)
+    reached = np.isin(component, component[elements.support])
     if not reached.all():
-        lost = elements.ids[int(np.flatnonzero(~reached)[0])]
-        near = [*_touching(elements, reached), *geometry.warnings]
+        loose = elements.ids[int(np.flatnonzero(~reached)[0])]
+        causes = [*_touching(elements, reached), *geometry.warnings]
         raise InputError(
-            f"element {lost!r}",
-            "no path of interfaces leads from it to a support" + "".join(f" ({one})" for one in near),
+            f"element {loose!r}",
+            "no path of interfaces leads from it to a support" + "".join(f" ({cause})" for cause in causes),
             "every free element joined to a support through faces that touch",
         )
 
@@ -198,23 +198,23 @@ def _touching(elements: Elements, reached: Bools) -> list[str]:
         return []
     size = float((elements.upper.max(axis=0) - elements.lower.min(axis=0)).max())
     shapes = shapely.polygons([shapely.linearrings(shape) for shape in elements.shape])
-    one, other = np.flatnonzero(reached), np.flatnonzero(~reached)
-    for k in one.tolist():
-        touched = other[shapely.dwithin(shapes[k], shapes[other], 1e-9 * size)]
+    grounded, loose = np.flatnonzero(reached), np.flatnonzero(~reached)
+    for k in grounded.tolist():
+        touched = loose[shapely.dwithin(shapes[k], shapes[loose], 1e-9 * size)]
         for j in touched[shapely.length(shapely.intersection(shapes[k], shapes[touched])) < 1e-6 * size].tolist():
             return [f"{elements.ids[k]!r} and {elements.ids[j]!r} touch at a point alone"]
     return []
 
 
-def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given: list[Contact | None]) -> Bits:
+def _labels_of_scene(scene: Scene, elements: Elements, interfaces: Interfaces, contacts: list[Contact | None]) -> Bits:
     """Return the labels (m,) that the scene states; raise InputError for unknown elements, or a pair in both lists."""
     # The first of these that exists counts: label of the interface, lists "dry" and "inner", default. Otherwise faces
     # inside a named block are inner, except those at supports, and all others are dry.
-    number = {name: n for n, name in enumerate(dict.fromkeys(elements.blocks))}
-    block = np.array([-1 if name is None else number[name] for name in elements.blocks])
-    same = (block[interfaces.a] == block[interfaces.b]) & (block[interfaces.a] >= 0)
+    block_number = {name: n for n, name in enumerate(dict.fromkeys(elements.blocks))}
+    block = np.array([-1 if name is None else block_number[name] for name in elements.blocks])
+    in_one_block = (block[interfaces.a] == block[interfaces.b]) & (block[interfaces.a] >= 0)
     support = elements.support[interfaces.a] | elements.support[interfaces.b]
-    labels = np.where(same & ~support, INNER, DRY)
+    labels = np.where(in_one_block & ~support, INNER, DRY)
     if scene.labels.default is not None:
         labels = np.full(len(interfaces), LABELS[scene.labels.default])
     inner = faces_of_pairs(scene.labels.inner, elements, interfaces, "labels.inner")
@@ -224,7 +224,7 @@ def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given:
         pair = f"{elements.ids[interfaces.a[face]]!r}, {elements.ids[interfaces.b[face]]!r}"
         raise InputError("labels", f"the pair {pair} is listed under both inner and dry", "each pair under one")
     labels = np.where(inner, INNER, np.where(dry, DRY, labels))
-    for face, contact in enumerate(given):
+    for face, contact in enumerate(contacts):
         if contact is not None and contact.label is not None:
             labels[face] = LABELS[contact.label]
     return labels.astype(bool)
@@ -241,11 +241,11 @@ def _cases(scene: Scene, boundary: Boundary) -> tuple[LoadCase, ...]:
     if not scene.loads.has_cases:
         live = boundary.loads(scene.loads.live or [], "loads.live")
         return (_case("", "loads", common, live, 1.0, elements),)
-    found = []
+    cases = []
     for key, case, place in cases_of_scene(scene, elements):
-        own, live = boundary.loads(case.dead, f"{key}.dead"), boundary.loads(case.live, f"{key}.live")
-        found.append(replace(_case(case.name, key, common + own, live, case.required, elements), place=place))
-    return tuple(found)
+        dead, live = boundary.loads(case.dead, f"{key}.dead"), boundary.loads(case.live, f"{key}.live")
+        cases.append(replace(_case(case.name, key, common + dead, live, case.required, elements), place=place))
+    return tuple(cases)
 
 
 def cases_of_scene(scene: Scene, elements: Elements) -> list[PlacedCase]:
@@ -266,15 +266,15 @@ def cases_of_scene(scene: Scene, elements: Elements) -> list[PlacedCase]:
         Load cases.
     """
     direction, backing = materials.direction_of_weight(scene), _backing(scene, elements)
-    stated = [PlacedCase(f"loads.cases[{position}]", case) for position, case in enumerate(scene.loads.cases or [])]
+    cases = [PlacedCase(f"loads.cases[{position}]", case) for position, case in enumerate(scene.loads.cases or [])]
     for position, moving in enumerate(scene.loads.moving or []):
         key = f"loads.moving[{position}]"
-        stated += cases_of(moving, elements, direction, key, backing)
+        cases += cases_of(moving, elements, direction, key, backing)
     if scene.loads.pushes is not None:
-        pushed = cases_of_pushes(scene.loads.pushes, direction, "loads.pushes")
-        stated += [PlacedCase("loads.pushes", case) for case in pushed]
-    require_unique_names("loads", [load.case.name for load in stated])
-    return stated
+        pushes = cases_of_pushes(scene.loads.pushes, direction, "loads.pushes")
+        cases += [PlacedCase("loads.pushes", case) for case in pushes]
+    require_unique_names("loads", [load.case.name for load in cases])
+    return cases
 
 
 def _case(name: str, key: str, dead: Loads, live: Loads, required: float, elements: Elements) -> LoadCase:

@@ -115,26 +115,26 @@ def snapping(scene: Scene, edges: Floats) -> tuple[float, float]:
 
 def refuse_twins(ids: list[str]) -> None:
     """Raise InputError if an element id is used twice."""
-    seen: set[str] = set()
+    used: set[str] = set()
     for position, name in enumerate(ids):
-        if name in seen:
+        if name in used:
             raise InputError(f"elements[{position}].id", f"{name!r} is used twice", "an id of its own for each element")
-        seen.add(name)
+        used.add(name)
 
 
 def pair_index(pair: list[str], elements: Elements, where: str) -> tuple[int, int]:
     """Return the indices of two different elements named by their ids; raise InputError for others."""
-    one, other = (elements.named(name, where, "ids of two elements") for name in pair)
-    if one == other:
+    first, second = (elements.named(name, where, "ids of two elements") for name in pair)
+    if first == second:
         raise InputError(where, f"{pair[0]!r} is named twice", "ids of two elements")
-    return one, other
+    return first, second
 
 
 def faces_of_pairs(pairs: list[list[str]], elements: Elements, interfaces: Interfaces, where: str) -> Bits:
     """Return the mask (m,) of interfaces between pairs of ids; `where`: key of the list, for InputError."""
-    chosen = np.zeros(len(interfaces), dtype=bool)
+    mask = np.zeros(len(interfaces), dtype=bool)
     if not pairs:
-        return chosen
+        return mask
     count = len(elements)
     keys = np.minimum(interfaces.a, interfaces.b) * count + np.maximum(interfaces.a, interfaces.b)
     order = np.argsort(keys, kind="stable")
@@ -146,8 +146,8 @@ def faces_of_pairs(pairs: list[list[str]], elements: Elements, interfaces: Inter
             raise InputError(
                 f"{where}[{position}]", f"{pair[0]!r} and {pair[1]!r} share no interface", "two elements that touch"
             )
-        chosen[order[first:last]] = True
-    return chosen
+        mask[order[first:last]] = True
+    return mask
 
 
 def planar_geometry(scene: Scene) -> Geometry:
@@ -160,20 +160,20 @@ def planar_geometry(scene: Scene) -> Geometry:
     refuse_twins(ids)
     outlines = without_repeats([np.array(entry.polygon, dtype=float) for entry in entries])
     outlines, moved = _closed_polygon(scene, ids, outlines)
-    told = check_polygons(ids, outlines, _within(scene))
+    overlap_warnings = check_polygons(ids, outlines, _within(scene))
     area, centroid = np.empty(len(ids)), np.empty((len(ids), 2))
-    for chosen, stack in polygons.by_corner_count(outlines):
+    for indices, stack in polygons.by_corner_count(outlines):
         signed = polygons.area(stack)
-        for position in chosen[signed < 0.0].tolist():
+        for position in indices[signed < 0.0].tolist():
             outlines[position] = outlines[position][::-1].copy()
-        area[chosen], centroid[chosen] = abs(signed), polygons.centroid(stack)
+        area[indices], centroid[indices] = abs(signed), polygons.centroid(stack)
     volume = area * thickness
     elements = collect_elements(scene, entries, centroid, volume, outlines, ())
-    given: list[Contact | None]
+    stated_of: list[Contact | None]
     warnings: tuple[str, ...] = ()
     if scene.interfaces is None:
         contacts = find_planar_contacts(outlines)
-        given = [None] * len(contacts)
+        stated_of = [None] * len(contacts)
         if scene.grid is None:
             free = ~elements.support
             misses = [miss for miss in near_misses(outlines) if free[miss.a] or free[miss.b]]
@@ -181,13 +181,13 @@ def planar_geometry(scene: Scene) -> Geometry:
     else:
         contacts = [_given_contact(entry, position, elements) for position, entry in enumerate(scene.interfaces)]
         warnings = _polygon_misfits(scene, contacts, elements)
-        given = list(scene.interfaces)
-    kept = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
-    interfaces = planar_interfaces([contacts[k] for k in kept], thickness)
+        stated_of = list(scene.interfaces)
+    with_free_element = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
+    interfaces = planar_interfaces([contacts[k] for k in with_free_element], thickness)
     supports = np.flatnonzero(elements.support).tolist()
     touching = {(supports[c.a], supports[c.b]) for c in find_planar_contacts([outlines[k] for k in supports])}
-    own = [given[k] for k in kept]
-    return Geometry(elements, entries, interfaces, own, tuple(sorted(touching)), moved, told + warnings)
+    stated = [stated_of[k] for k in with_free_element]
+    return Geometry(elements, entries, interfaces, stated, tuple(sorted(touching)), moved, overlap_warnings + warnings)
 
 
 def _within(scene: Scene) -> float:
@@ -209,9 +209,9 @@ def _closed_polygon(scene: Scene, ids: list[str], outlines: list[Floats]) -> tup
         return outlines, 0.0
     snapped = snap_polygons(outlines, tolerance)
     if snapped.collapsed and scene.tolerance is not None:
-        lost = ids[snapped.collapsed[0]]
+        vanished = ids[snapped.collapsed[0]]
         raise InputError(
-            "tolerance", f"within {tolerance:g} element {lost!r} has no area", "less than the elements measure"
+            "tolerance", f"within {tolerance:g} element {vanished!r} has no area", "less than the elements measure"
         )
     if snapped.collapsed or snapped.largest <= tolerances.CONTACT * shortest:
         return outlines, 0.0
@@ -245,24 +245,24 @@ def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
 
     Its letter, with a number if it has several parts.
     """
-    part: dict[tuple[int, int], int] = {}
-    parts: dict[str, int] = {}
+    number_of: dict[tuple[int, int], int] = {}
+    count_of: dict[str, int] = {}
     for r, row in enumerate(rows):
         for c, letter in enumerate(row):
-            if letter in ".#" or (r, c) in part:
+            if letter in ".#" or (r, c) in number_of:
                 continue
-            number = parts[letter] = parts.get(letter, 0) + 1
+            number = count_of[letter] = count_of.get(letter, 0) + 1
             queue = deque([(r, c)])
-            part[r, c] = number
+            number_of[r, c] = number
             while queue:
                 i, j = queue.popleft()
                 for cell in ((i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)):
-                    inside = 0 <= cell[0] < len(rows) and 0 <= cell[1] < len(row)
-                    if inside and cell not in part and rows[cell[0]][cell[1]] == letter:
-                        part[cell] = number
+                    in_grid = 0 <= cell[0] < len(rows) and 0 <= cell[1] < len(row)
+                    if in_grid and cell not in number_of and rows[cell[0]][cell[1]] == letter:
+                        number_of[cell] = number
                         queue.append(cell)
     return {
-        (r, c): rows[r][c] if parts[rows[r][c]] == 1 else f"{rows[r][c]}{number}" for (r, c), number in part.items()
+        (r, c): rows[r][c] + (str(number) if count_of[rows[r][c]] > 1 else "") for (r, c), number in number_of.items()
     }
 
 
@@ -295,12 +295,12 @@ def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarC
     edge = np.roll(outline, -1, axis=0) - outline
     edge /= np.hypot(*edge.T)[:, None]
     outward = np.column_stack([edge[:, 1], -edge[:, 0]])
-    along = (ends[1] - ends[0]) / length
-    distance = abs(np.einsum("ij,ij->i", ends.mean(axis=0) - outline, outward)) + length * abs(outward @ along)
-    normal = outward[int(np.argmin(distance))]
+    tangent = (ends[1] - ends[0]) / length
+    distance = abs(np.einsum("ij,ij->i", ends.mean(axis=0) - outline, outward)) + length * abs(outward @ tangent)
+    outward_normal = outward[int(np.argmin(distance))]
     # the stated line gives the direction of the normal, the element's nearest edge only its sign
-    across = np.array([along[1], -along[0]])
-    return PlanarContact(a, b, ends, across if across @ normal > 0 else -across)
+    normal_to_line = np.array([tangent[1], -tangent[0]])
+    return PlanarContact(a, b, ends, normal_to_line if normal_to_line @ outward_normal > 0 else -normal_to_line)
 
 
 def spatial_geometry(scene: Scene) -> Geometry:
@@ -311,13 +311,13 @@ def spatial_geometry(scene: Scene) -> Geometry:
     refuse_twins(ids)
     vertices: list[Floats] = [np.array(entry.vertices, dtype=float) for entry in entries]
     faces: list[Faces] = [tuple(tuple(face) for face in entry.faces or []) for entry in entries]
-    drawn = vertices
-    vertices, moved = _close_gaps(scene, drawn, faces)
+    as_drawn = vertices
+    vertices, moved = _close_gaps(scene, as_drawn, faces)
     try:
         vertices, faces, volume, centroid = solids(ids, vertices, faces)
     except InputError as error:
         if moved > 0.0 and scene.tolerance is not None:
-            solids(ids, drawn, faces)  # raises the error of the drawing itself where snapping is not the cause
+            solids(ids, as_drawn, faces)  # raises the error of the drawing itself where snapping is not the cause
             problem = f"within {scene.tolerance:g} {error.where} cannot be kept: {error.problem}"
             raise InputError("tolerance", problem, "less than the elements measure") from None
         raise
@@ -344,10 +344,10 @@ def spatial_geometry(scene: Scene) -> Geometry:
     with_free_element = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
     interfaces = spatial_interfaces([contacts[k] for k in with_free_element])
     grounded = elements.support[pairs[0]] & elements.support[pairs[1]]
-    between = find_spatial_contacts(facets, (pairs[0][grounded], pairs[1][grounded]))
-    touching = tuple(sorted({(contact.a, contact.b) for contact in between}))
-    own = [stated_of[k] for k in with_free_element]
-    return Geometry(elements, entries, interfaces, own, touching, moved, overlap_warnings + warnings)
+    support_contacts = find_spatial_contacts(facets, (pairs[0][grounded], pairs[1][grounded]))
+    touching = tuple(sorted({(contact.a, contact.b) for contact in support_contacts}))
+    stated = [stated_of[k] for k in with_free_element]
+    return Geometry(elements, entries, interfaces, stated, touching, moved, overlap_warnings + warnings)
 
 
 def _close_gaps(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:
@@ -385,12 +385,12 @@ def _misfits(scene: Scene, contacts: list[SpatialContact], elements: Elements, f
     """Return warnings about stated interfaces that fit faces poorly; raise InputError for those that cannot be."""
     refuse_repeated([(c.a, c.b) for c in contacts], [c.polygon for c in contacts])
     start = np.searchsorted(facets.element, np.arange(len(elements) + 1)).tolist()
-    found = []
+    fits = []
     for position, contact in enumerate(contacts):
         where = f"interfaces[{position}].polygon"
         refuse_crossing(where, contact.polygon, contact.normal)
         for element, sign in ((contact.a, 1.0), (contact.b, -1.0)):
-            own = slice(start[element], start[element + 1])
-            fit = fit_of_polygon(contact.polygon, sign * contact.normal, facets.loops[own], facets.normal[own])
-            found.append((where, elements.ids[element], fit))
-    return judge_fits(found, scene.tolerance, scene.units.length)
+            rows = slice(start[element], start[element + 1])
+            fit = fit_of_polygon(contact.polygon, sign * contact.normal, facets.loops[rows], facets.normal[rows])
+            fits.append((where, elements.ids[element], fit))
+    return judge_fits(fits, scene.tolerance, scene.units.length)

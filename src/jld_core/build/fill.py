@@ -35,15 +35,15 @@ class CoveredEdge:
     """Straight piece of the upper boundary of an element, under fill."""
 
     element: int  # index of the element
-    place: Floats  # (2,) horizontal positions of both ends, ascending or equal
+    x: Floats  # (2,) horizontal positions of both ends, ascending or equal
     height: Floats  # (2,) heights of both ends
     side: float  # horizontal direction in which the outward normal leans: 1, −1, or 0 for a level edge
 
     def between(self, low: float, high: float) -> CoveredEdge:
         share = np.array([low, high])
-        place = self.place[0] + share * (self.place[1] - self.place[0])
+        x = self.x[0] + share * (self.x[1] - self.x[0])
         height = self.height[0] + share * (self.height[1] - self.height[0])
-        return CoveredEdge(self.element, place, height, self.side)
+        return CoveredEdge(self.element, x, height, self.side)
 
 
 @dataclass(frozen=True)
@@ -59,13 +59,13 @@ class Backing:
     @cached_property
     def edges(self) -> tuple[CoveredEdge, ...]:
         """Return the covered edges from left to right, with those of supports; raise InputError if there are none."""
-        top = list(self._top())
-        found = [part for edge in [*top, *self._walls(top)] for part in self._below(edge, self.fill.level)]
-        if not found:
-            highest = max(float(edge.height.max()) for edge in top) if top else 0.0
+        upper = list(self._top())
+        covered = [part for edge in [*upper, *self._walls(upper)] for part in self._below(edge, self.fill.level)]
+        if not covered:
+            highest = max(float(edge.height.max()) for edge in upper) if upper else 0.0
             problem = f"nothing lies below a surface at {self.fill.level:g}"
             raise InputError("fill.level", problem, f"a height above the structure, which reaches {highest:g}")
-        return tuple(sorted(found, key=lambda edge: float(edge.place.mean())))
+        return tuple(sorted(covered, key=lambda edge: float(edge.x.mean())))
 
     def permanent(self) -> list[Traction]:
         """Return weight of fill and surcharge, and active pressure, as tractions on free elements."""
@@ -73,38 +73,38 @@ class Backing:
         tractions: list[Traction] = []
         for edge in self._free:
             depth = self.fill.level - edge.height
-            width = float(edge.place[1] - edge.place[0])
+            width = float(edge.x[1] - edge.x[0])
             tractions += self._traction(edge, self._vertical(depth) * width, self.down)
             # Cohesion leaves no active pressure above a certain depth; below it the pressure is linear.
-            for part in self._below(edge, self.fill.level - self._free_depth):
-                tractions += self._traction(part, self._active(part) * self._rise(part), -part.side * self._right)
+            for piece in self._below(edge, self.fill.level - self._free_depth):
+                tractions += self._traction(piece, self._active(piece) * self._rise(piece), -piece.side * self._right)
         return tractions
 
     def spread(self, load: FillLoad, where: str) -> list[Traction | PointEntry]:
         """Return a load on the surface as tractions on covered edges, or a force at a point for no width."""
         # The load is uniform over a width that grows with the depth of the structure below the middle of the load. What
         # falls beside free elements is left out: supports and ground carry it.
-        at, edges = load.on_fill.at, [edge for edge in self.edges if edge.place[1] > edge.place[0]]
-        below = [edge for edge in edges if edge.place[0] <= at <= edge.place[1]]
-        if not below:
-            low, high = edges[0].place[0], max(float(edge.place[1]) for edge in edges)
-            problem = f"no element lies below the fill at {at:g}"
-            raise InputError(f"{where}.on_fill.at", problem, f"a position from {low:g} to {high:g}")
-        depth = self.fill.level - float(np.interp(at, below[0].place, below[0].height))
+        position, edges = load.on_fill.at, [edge for edge in self.edges if edge.x[1] > edge.x[0]]
+        covering = [edge for edge in edges if edge.x[0] <= position <= edge.x[1]]
+        if not covering:
+            left, right = edges[0].x[0], max(float(edge.x[1]) for edge in edges)
+            problem = f"no element lies below the fill at {position:g}"
+            raise InputError(f"{where}.on_fill.at", problem, f"a position from {left:g} to {right:g}")
+        depth = self.fill.level - float(np.interp(position, covering[0].x, covering[0].height))
         width = load.on_fill.width + 2.0 * depth * math.tan(math.radians(self.fill.dispersal))
         if width <= tolerances.ON_OUTLINE * self.elements.size:
-            owner, height = below[0], self.fill.level - depth
+            owner, height = covering[0], self.fill.level - depth
             force = load.weight * self.down
-            alone = (owner.element, self._point(at, height), force, None, False)
-            return [] if self.elements.support[owner.element] else [alone]
+            point_load = (owner.element, self._point(position, height), force, None, False)
+            return [] if self.elements.support[owner.element] else [point_load]
         loads: list[Traction | PointEntry] = []
         for edge in self._free:
-            length = float(edge.place[1] - edge.place[0])
-            low = max(float(edge.place[0]), at - 0.5 * width)
-            high = min(float(edge.place[1]), at + 0.5 * width)
-            if high > low:
-                share = ((low - edge.place[0]) / length, (high - edge.place[0]) / length)
-                part, level = edge.between(*share), (high - low) / (width * self.thickness)
+            length = float(edge.x[1] - edge.x[0])
+            left = max(float(edge.x[0]), position - 0.5 * width)
+            right = min(float(edge.x[1]), position + 0.5 * width)
+            if right > left:
+                share = ((left - edge.x[0]) / length, (right - edge.x[0]) / length)
+                part, level = edge.between(*share), (right - left) / (width * self.thickness)
                 loads += self._traction(part, np.full(2, load.weight * level), self.down)
         return loads
 
@@ -112,9 +112,9 @@ class Backing:
         """Return the outline (4, 2) of the fill above each covered edge that is not vertical."""
         found = []
         for edge in self.edges:
-            if edge.place[1] > edge.place[0]:
-                ends = [(edge.place[0], edge.height[0]), (edge.place[1], edge.height[1])]
-                ends += [(edge.place[1], self.fill.level), (edge.place[0], self.fill.level)]
+            if edge.x[1] > edge.x[0]:
+                ends = [(edge.x[0], edge.height[0]), (edge.x[1], edge.height[1])]
+                ends += [(edge.x[1], self.fill.level), (edge.x[0], self.fill.level)]
                 found.append(np.array([self._point(*end) for end in ends]))
         return tuple(found)
 
@@ -123,9 +123,9 @@ class Backing:
         height = float(-(point @ self.down))
         return abs(height - self.fill.level) <= tolerances.ON_OUTLINE * self.elements.size
 
-    def covers(self, place: float) -> bool:
+    def covers(self, x: float) -> bool:
         """Return True if some element lies below the fill at a horizontal position."""
-        return any(edge.place[0] <= place <= edge.place[1] for edge in self.edges)
+        return any(edge.x[0] <= x <= edge.x[1] for edge in self.edges)
 
     def position(self, point: Floats) -> float:
         return float(point @ self._right)
@@ -135,7 +135,7 @@ class Backing:
         # The bars act in compression. A bar pushes an element horizontally with a force between 0 and the difference of
         # passive and active pressure.
         supports = np.flatnonzero(self.elements.support)
-        across = self.elements.centroid[supports] @ self._right
+        position_of_support = self.elements.centroid[supports] @ self._right
         names: list[str] = []
         ends: list[Ints] = []
         points: list[Floats] = []
@@ -149,11 +149,11 @@ class Backing:
             name = f"fill on {self.elements.ids[edge.element]}"
             bars_of[name] += 1
             names.append(name if bars_of[name] == 1 else f"{name} ({bars_of[name]})")
-            ground = supports[np.argmax(edge.side * across)]
+            ground = supports[np.argmax(edge.side * position_of_support)]
             ends.append(np.array([edge.element, ground]))
             points.append(np.array([point, point + edge.side * _DRAWN * self.elements.size * self._right]))
             capacities.append(force)
-        none = np.zeros(len(names))
+        zero = np.zeros(len(names))
         axis = [(end - start) / np.linalg.norm(end - start) for start, end in points]
         return Members(
             names=tuple(names),
@@ -161,10 +161,10 @@ class Backing:
             elements=tuple(ends),
             points=tuple(points),
             axis=np.array(axis).reshape(-1, 2),
-            tension=none,
+            tension=zero,
             compression=np.array(capacities),
-            shear=none,
-            prestress=none,
+            shear=zero,
+            prestress=zero,
         )
 
     def _mobilised(self, edge: CoveredEdge) -> tuple[float, Floats] | None:
@@ -192,10 +192,11 @@ class Backing:
 
     @property
     def _free_depth(self) -> float:
-        """Return the depth down to which the soil leaves no active pressure, at least 0."""
-        weight = self.fill.density * self.gravity
-        upright = self.fill.held(self.fill.passive_coefficient) - self.fill.surcharge
-        return max(0.0, upright / weight) if weight else 0.0
+        """Return the depth down to which cohesion leaves no active pressure, at least 0."""
+        # There the vertical stress is 2 c √Kp, at which `_active` begins: Ka σ = 2 c √Ka, and Ka = 1 / Kp.
+        unit_weight = self.fill.density * self.gravity
+        stress_of_weight = self.fill.cohesive_pressure(self.fill.passive_coefficient) - self.fill.surcharge
+        return max(0.0, stress_of_weight / unit_weight) if unit_weight else 0.0
 
     def _vertical(self, depth: Floats) -> Floats:
         """Return the vertical stress at depths (k,) below the surface."""
@@ -204,27 +205,28 @@ class Backing:
     def _active(self, edge: CoveredEdge) -> Floats:
         coefficient = 1.0 / self.fill.passive_coefficient
         stress = self._vertical(self.fill.level - edge.height)
-        full = coefficient * stress - self.fill.held(coefficient)
+        full = coefficient * stress - self.fill.cohesive_pressure(coefficient)
         return np.asarray(self.fill.active * np.maximum(full, 0.0))
 
     def _passive(self, edge: CoveredEdge) -> Floats:
         coefficient = self.fill.passive_coefficient
         stress = self._vertical(self.fill.level - edge.height)
         return np.asarray(
-            self.fill.passive * coefficient * stress + self.fill.passive_cohesion * self.fill.held(coefficient)
+            self.fill.passive * coefficient * stress
+            + self.fill.passive_cohesion * self.fill.cohesive_pressure(coefficient)
         )
 
     def _rise(self, edge: CoveredEdge) -> float:
         return float(abs(edge.height[1] - edge.height[0])) if edge.side else 0.0
 
-    def _point(self, place: float, height: float) -> Floats:
-        return place * self._right - height * self.down
+    def _point(self, x: float, height: float) -> Floats:
+        return x * self._right - height * self.down
 
     def _centre(self, edge: CoveredEdge, ends: Floats) -> Floats:
         """Return the point (2,) at which a linear pressure, (2,) at the ends of the edge, acts."""
         share = (ends[0] + 2.0 * ends[1]) / (3.0 * (ends[0] + ends[1])) if ends.any() else 0.5
         middle = edge.between(share, share)
-        return self._point(float(middle.place[0]), float(middle.height[0]))
+        return self._point(float(middle.x[0]), float(middle.height[0]))
 
     def _traction(self, edge: CoveredEdge, ends: Floats, direction: Floats) -> list[Traction]:
         """Return a linear pressure along `direction` as a traction, [] if there is none.
@@ -233,7 +235,7 @@ class Backing:
         """
         if not ends.any():
             return []
-        points = np.array([self._point(*end) for end in zip(edge.place, edge.height, strict=True)])
+        points = np.array([self._point(*end) for end in zip(edge.x, edge.height, strict=True)])
         length = float(np.hypot(*(points[1] - points[0])))
         return [edge_traction(edge.element, points, np.outer(ends * self.thickness / length, direction))]
 
@@ -248,12 +250,12 @@ class Backing:
         if last > level:
             high = (level - first) / (last - first)
         part = edge.between(low, high)
-        if math.hypot(part.place[1] - part.place[0], part.height[1] - part.height[0]) > self._reach:
+        if math.hypot(part.x[1] - part.x[0], part.height[1] - part.height[0]) > self._reach:
             yield part
 
     @property
     def _reach(self) -> float:
-        """Return the length up to which places count as equal."""
+        """Return the length up to which positions count as equal."""
         return tolerances.ON_OUTLINE * self.elements.size
 
     def _outlines(self) -> Iterator[tuple[int, Floats, Floats]]:
@@ -270,29 +272,29 @@ class Backing:
             (index, last, first) for index, first, last in self._outlines() if first[0] - last[0] > self._reach
         ]
         owner = np.array([index for index, _, _ in upper])
-        left = np.array([one for _, one, _ in upper]).reshape(-1, 2)
-        right = np.array([two for _, _, two in upper]).reshape(-1, 2)
-        stops = np.unique(np.concatenate([left[:, 0], right[:, 0]]))
-        low = -np.inf if self.fill.start is None else self.fill.start
-        high = np.inf if self.fill.end is None else self.fill.end
-        stops = np.unique(np.clip(stops, low, high))
+        left = np.array([start for _, start, _ in upper]).reshape(-1, 2)
+        right = np.array([end for _, _, end in upper]).reshape(-1, 2)
+        positions = np.unique(np.concatenate([left[:, 0], right[:, 0]]))
+        first_position = -np.inf if self.fill.start is None else self.fill.start
+        last_position = np.inf if self.fill.end is None else self.fill.end
+        positions = np.unique(np.clip(positions, first_position, last_position))
         slope = (right[:, 1] - left[:, 1]) / (right[:, 0] - left[:, 0])
-        chosen: list[tuple[int, float, float]] = []
-        for start, end in pairwise(stops.tolist()):
+        pieces: list[tuple[int, float, float]] = []
+        for start, end in pairwise(positions.tolist()):
             middle = 0.5 * (start + end)
-            here = np.flatnonzero((left[:, 0] <= middle) & (middle <= right[:, 0]))
-            if end - start <= self._reach or not here.size:
+            covering = np.flatnonzero((left[:, 0] <= middle) & (middle <= right[:, 0]))
+            if end - start <= self._reach or not covering.size:
                 continue
-            best = int(here[np.argmax(left[here, 1] + slope[here] * (middle - left[here, 0]))])
-            if chosen and chosen[-1][0] == best and start - chosen[-1][2] <= 2.0 * self._reach:
-                chosen[-1] = (best, chosen[-1][1], end)
+            highest = int(covering[np.argmax(left[covering, 1] + slope[covering] * (middle - left[covering, 0]))])
+            if pieces and pieces[-1][0] == highest and start - pieces[-1][2] <= 2.0 * self._reach:
+                pieces[-1] = (highest, pieces[-1][1], end)
             else:
-                chosen.append((best, start, end))
-        for best, start, end in chosen:
-            place = np.array([start, end])
-            height = left[best, 1] + slope[best] * (place - left[best, 0])
+                pieces.append((highest, start, end))
+        for highest, start, end in pieces:
+            x = np.array([start, end])
+            height = left[highest, 1] + slope[highest] * (x - left[highest, 0])
             level = abs(height[1] - height[0]) <= self._reach
-            yield CoveredEdge(int(owner[best]), place, height, 0.0 if level else float(-np.sign(slope[best])))
+            yield CoveredEdge(int(owner[highest]), x, height, 0.0 if level else float(-np.sign(slope[highest])))
 
     def _walls(self, top: list[CoveredEdge]) -> Iterator[CoveredEdge]:
         """Yield the vertical edges between successive pieces of the highest boundary."""
@@ -300,13 +302,13 @@ class Backing:
             (index, first, last) for index, first, last in self._outlines() if abs(last[0] - first[0]) <= self._reach
         ]
         for left, right in pairwise(top):
-            if right.place[0] - left.place[1] > 2.0 * self._reach:
+            if right.x[0] - left.x[1] > 2.0 * self._reach:
                 continue
             low, high = sorted((float(left.height[1]), float(right.height[0])))
             side = 1.0 if left.height[1] > right.height[0] else -1.0
             for index, first, last in upright:
-                if abs(first[0] - right.place[0]) > 2.0 * self._reach or (last[1] - first[1]) * side <= 0.0:
+                if abs(first[0] - right.x[0]) > 2.0 * self._reach or (last[1] - first[1]) * side <= 0.0:
                     continue
                 bottom, top_height = max(low, min(first[1], last[1])), min(high, max(first[1], last[1]))
                 if top_height - bottom > self._reach:
-                    yield CoveredEdge(index, np.full(2, right.place[0]), np.array([bottom, top_height]), side)
+                    yield CoveredEdge(index, np.full(2, right.x[0]), np.array([bottom, top_height]), side)

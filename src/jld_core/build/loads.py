@@ -30,6 +30,9 @@ class PlacedCase(NamedTuple):
     place: tuple[str, float] | None = None
 
 
+_Axle = tuple[Floats, Floats, float]  # point, direction of travel, weight
+
+
 def cases_of(
     moving: MovingLoad, elements: Elements, downwards: Floats, where: str, backing: Backing | None = None
 ) -> list[PlacedCase]:
@@ -42,69 +45,74 @@ def cases_of(
         raise InputError(where, "it is for planar scenes", '"cases" with the positions of the loads')
     cases: list[PlacedCase] = []
     path = np.array(moving.path, dtype=float)
-    ways = [("", path), (" back", path[::-1])] if moving.both_directions else [("", path)]
-    for word, points in ways:
-        legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        if not (legs > 0.0).all():
+    directions = [("", path), (" back", path[::-1])] if moving.both_directions else [("", path)]
+    for suffix, points in directions:
+        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        if not (lengths > 0.0).all():
             raise InputError(f"{where}.path", "two of its points coincide", "points apart from each other")
-        for first, forces in _positions(moving, points, legs):
-            fixed: list[LoadEntry] = []
-            touched: list[tuple[list[int], PointLoad]] = []
-            for at, unit, weight in forces:
-                if backing is not None and backing.carries(at):
-                    place = backing.position(at)
-                    if backing.covers(place):
-                        fixed.append(FillLoad(on_fill=Strip(at=place), weight=weight))
-                    continue
-                under = _elements_under(elements, at, unit)
-                if not under:
-                    problem = f"no element is at ({at[0]:.6g}, {at[1]:.6g})"
-                    raise InputError(f"{where}.path", problem, "points on the outline of the structure")
-                force = (weight * downwards).tolist()
-                touched.append((under, PointLoad(element="", force=force, at=at.tolist())))
-            name = f"{moving.name}{word} at {first:.6g}"
+        for front, axles in _positions(moving, points, lengths):
+            on_fill, on_elements = _split_by_bearing(axles, elements, downwards, where, backing)
+            name = f"{moving.name}{suffix} at {front:.6g}"
             # an axle on a joint stands on either side of it: the limits of the positions ahead and behind
-            for side in range(max((len(under) for under, _ in touched), default=1)):
-                own = [(under[min(side, len(under) - 1)], load) for under, load in touched]
-                live = fixed + [
-                    load.model_copy(update={"element": elements.ids[k]}) for k, load in own if not elements.support[k]
+            for side in range(max((len(owners) for owners, _ in on_elements), default=1)):
+                bearing = [(owners[min(side, len(owners) - 1)], load) for owners, load in on_elements]
+                live = on_fill + [
+                    load.model_copy(update={"element": elements.ids[k]})
+                    for k, load in bearing
+                    if not elements.support[k]
                 ]
                 if live:
                     title = name if side == 0 else f"{name} behind the joint" + f" {side}" * (side > 1)
                     case = Case(name=title, live=live, required=moving.required)
-                    cases.append(PlacedCase(where, case, (f"{moving.name}{word}", first)))
+                    cases.append(PlacedCase(where, case, (f"{moving.name}{suffix}", front)))
     if not cases:
         raise InputError(f"{where}.path", "it touches supports alone", "points on free elements")
     return cases
 
 
-def _positions(
-    moving: MovingLoad, points: Floats, legs: Floats
-) -> Iterator[tuple[float, list[tuple[Floats, Floats, float]]]]:
-    """Yield the positions on a path (k, 2) in equal steps.
+def _split_by_bearing(
+    axles: list[_Axle], elements: Elements, downwards: Floats, where: str, backing: Backing | None
+) -> tuple[list[LoadEntry], list[tuple[list[int], PointLoad]]]:
+    """Return loads of the axles on fill, and those on elements, each with the elements at its point."""
+    on_fill: list[LoadEntry] = []
+    on_elements: list[tuple[list[int], PointLoad]] = []
+    for point, unit, weight in axles:
+        if backing is not None and backing.carries(point):
+            position = backing.position(point)
+            if backing.covers(position):
+                on_fill.append(FillLoad(on_fill=Strip(at=position), weight=weight))
+            continue
+        owners = _elements_under(elements, point, unit)
+        if not owners:
+            problem = f"no element is at ({point[0]:.6g}, {point[1]:.6g})"
+            raise InputError(f"{where}.path", problem, "points on the outline of the structure")
+        force = (weight * downwards).tolist()
+        on_elements.append((owners, PointLoad(element="", force=force, at=point.tolist())))
+    return on_fill, on_elements
 
-    Place of the first axle, and (point, direction, weight) of those on it.
-    """
-    behind = np.cumsum([0.0, *(axle.distance for axle in moving.axles[1:])])
-    ends = np.append(0.0, np.cumsum(legs))
-    whole = float(ends[-1])
-    for first in np.linspace(0.0, whole + float(behind[-1]), moving.steps).tolist():
+
+def _positions(moving: MovingLoad, points: Floats, lengths: Floats) -> Iterator[tuple[float, list[_Axle]]]:
+    """Yield in equal steps the distance of the first axle along a path (k, 2), and the axles on the path."""
+    offsets = np.cumsum([0.0, *(axle.distance for axle in moving.axles[1:])])
+    ends = np.append(0.0, np.cumsum(lengths))
+    length = float(ends[-1])
+    for front in np.linspace(0.0, length + float(offsets[-1]), moving.steps).tolist():
         forces = []
-        for place, axle in zip((first - behind).tolist(), moving.axles, strict=True):
-            if -tolerances.ON_OUTLINE * whole <= place <= (1.0 + tolerances.ON_OUTLINE) * whole:
-                leg = min(int(np.searchsorted(ends, place, side="right")) - 1, len(legs) - 1)
+        for position, axle in zip((front - offsets).tolist(), moving.axles, strict=True):
+            if -tolerances.ON_OUTLINE * length <= position <= (1.0 + tolerances.ON_OUTLINE) * length:
+                leg = min(int(np.searchsorted(ends, position, side="right")) - 1, len(lengths) - 1)
                 leg = max(leg, 0)
-                unit = (points[leg + 1] - points[leg]) / legs[leg]
-                forces.append((points[leg] + (place - ends[leg]) * unit, unit, axle.weight))
-        yield first, forces
+                unit = (points[leg + 1] - points[leg]) / lengths[leg]
+                forces.append((points[leg] + (position - ends[leg]) * unit, unit, axle.weight))
+        yield front, forces
 
 
-def _elements_under(elements: Elements, at: Floats, unit: Floats) -> list[int]:
+def _elements_under(elements: Elements, point: Floats, unit: Floats) -> list[int]:
     """Return the elements that a point (2,) touches, the farthest along `unit` (2,) first."""
     reach = tolerances.ON_OUTLINE * elements.size
-    near: Ints = np.flatnonzero(((elements.lower - reach <= at) & (at <= elements.upper + reach)).all(axis=1))
-    point = shapely.Point(*at)
-    touching = [k for k in near.tolist() if shapely.Polygon(elements.shape[k]).distance(point) <= reach]
+    near: Ints = np.flatnonzero(((elements.lower - reach <= point) & (point <= elements.upper + reach)).all(axis=1))
+    location = shapely.Point(*point)
+    touching = [k for k in near.tolist() if shapely.Polygon(elements.shape[k]).distance(location) <= reach]
     return sorted(touching, key=lambda k: -float(elements.centroid[k] @ unit))
 
 
@@ -203,11 +211,11 @@ def _tractions(
 ) -> list[Traction]:
     """Return a uniform force per area (3,) on the polygons of a part of a face, in the coordinates of `frame`."""
     tractions = []
-    for one in shapely.get_parts(part):
-        if one.geom_type == "Polygon" and one.area > reach**2:
-            rings = tuple(origin + np.asarray(r.coords)[:-1] @ frame for r in (one.exterior, *one.interiors))
-            middle = origin + np.array([one.centroid.x, one.centroid.y]) @ frame
-            tractions.append(Traction(index, rings, middle, value, np.zeros((3, 3))))
+    for polygon in shapely.get_parts(part):
+        if polygon.geom_type == "Polygon" and polygon.area > reach**2:
+            rings = tuple(origin + np.asarray(r.coords)[:-1] @ frame for r in (polygon.exterior, *polygon.interiors))
+            centroid = origin + np.array([polygon.centroid.x, polygon.centroid.y]) @ frame
+            tractions.append(Traction(index, rings, centroid, value, np.zeros((3, 3))))
     return tractions
 
 
@@ -258,19 +266,19 @@ def cases_of_pushes(pushes: Pushes, downwards: Floats, where: str) -> list[Case]
     """
     d = len(downwards)
     # angles count from gravity turned by +90°, in space from the horizontal part of the first axis that has one
-    first = np.array([-downwards[-1], downwards[0]])
+    zero_angle = np.array([-downwards[-1], downwards[0]])
     if d == 3:
         axis = next(row for row in np.eye(3) if abs(float(row @ downwards)) < 0.9)
-        flat = axis - (axis @ downwards) * downwards
-        first = np.asarray(flat / np.linalg.norm(flat))
+        horizontal = axis - (axis @ downwards) * downwards
+        zero_angle = np.asarray(horizontal / np.linalg.norm(horizontal))
     if isinstance(pushes.directions, int):
         if d == 2 and pushes.directions > _PLANAR:
             problem = f"{pushes.directions} horizontal directions in a planar scene"
             raise InputError(f"{where}.directions", problem, "1 or 2, or a list of vectors")
-        units = _horizontal(pushes.directions, first, downwards)
+        units = _horizontal(pushes.directions, zero_angle, downwards)
     else:
         units = [_unit(vector, d, f"{where}.directions[{k}]") for k, vector in enumerate(pushes.directions)]
-    names = [f"{pushes.name} {_angles(unit, first, downwards)}" for unit in units]
+    names = [f"{pushes.name} {_angles(unit, zero_angle, downwards)}" for unit in units]
     for k, name in enumerate(names):
         if name in names[:k]:
             raise InputError(f"{where}.directions[{k}]", "it is a direction that stands before", "each direction once")
@@ -280,13 +288,13 @@ def cases_of_pushes(pushes: Pushes, downwards: Floats, where: str) -> list[Case]
     ]
 
 
-def _horizontal(count: int, first: Floats, downwards: Floats) -> list[Floats]:
-    """Return horizontal unit vectors (d,) at equal angles, beginning with `first`."""
-    if len(first) == 2:
-        return [sign * first for sign in (1.0, -1.0)[:count]]
-    second = np.cross(-downwards, first)
+def _horizontal(count: int, zero_angle: Floats, downwards: Floats) -> list[Floats]:
+    """Return horizontal unit vectors (d,) at equal angles, beginning with `zero_angle`."""
+    if len(zero_angle) == 2:
+        return [sign * zero_angle for sign in (1.0, -1.0)[:count]]
+    second = np.cross(-downwards, zero_angle)
     angles = [2.0 * math.pi * k / count for k in range(count)]
-    units = np.array([math.cos(angle) * first + math.sin(angle) * second for angle in angles])
+    units = np.array([math.cos(angle) * zero_angle + math.sin(angle) * second for angle in angles])
     units[np.abs(units) <= tolerances.ROUNDING] = 0.0
     return list(units)
 
@@ -301,14 +309,14 @@ def _unit(vector: list[float], dimension: int, where: str) -> Floats:
     return np.array(vector, dtype=float) / length
 
 
-def _angles(unit: Floats, first: Floats, downwards: Floats) -> str:
+def _angles(unit: Floats, zero_angle: Floats, downwards: Floats) -> str:
     """Return the angle of a direction as text, degrees; in space also its slope, if any."""
-    if len(first) == 2:
-        return f"at {_degrees(float(unit @ -downwards), float(unit @ first))}°"
-    second = np.cross(-downwards, first)
+    if len(zero_angle) == 2:
+        return f"at {_degrees(float(unit @ -downwards), float(unit @ zero_angle))}°"
+    second = np.cross(-downwards, zero_angle)
     rise = float(unit @ -downwards)
     slope = "" if abs(rise) <= tolerances.ROUNDING else f" up {math.degrees(math.asin(min(1.0, max(-1.0, rise)))):.6g}°"
-    return f"at {_degrees(float(unit @ second), float(unit @ first))}°{slope}"
+    return f"at {_degrees(float(unit @ second), float(unit @ zero_angle))}°{slope}"
 
 
 def _degrees(rise: float, run: float) -> str:
@@ -329,37 +337,39 @@ class Settlement:
 
 def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:
     return tuple(
-        Settlement(one.name, _velocity(scene, assembly, place), one.load) for place, one in enumerate(scene.settlements)
+        Settlement(entry.name, _velocity(scene, assembly, k), entry.load) for k, entry in enumerate(scene.settlements)
     )
 
 
-def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
+def _velocity(scene: Scene, assembly: Assembly, position: int) -> Floats:
     """Return the velocities (n, q) of all elements for one settlement."""
     elements, d, q = assembly.elements, assembly.dimension, assembly.freedoms
     velocity = np.zeros((len(elements), q))
     faces = assembly.interfaces
-    bearing = set(np.concatenate([faces.a, faces.b]).tolist())
-    for number, part in enumerate(scene.settlements[place].supports):
-        key = f"settlements[{place}].supports[{number}]"
-        names = [part.elements] if isinstance(part.elements, str) else part.elements
+    in_contact = set(np.concatenate([faces.a, faces.b]).tolist())
+    for number, entry in enumerate(scene.settlements[position].supports):
+        key = f"settlements[{position}].supports[{number}]"
+        names = [entry.elements] if isinstance(entry.elements, str) else entry.elements
         rows = []
         for name in names:
             row = elements.named(name, f"{key}.elements", "ids of supports", support=True)
             if not elements.support[row]:
                 raise InputError(f"{key}.elements", f"{name!r} is no support", "ids of supports")
             rows.append(row)
-        if not bearing.intersection(rows):
+        if not in_contact.intersection(rows):
             raise InputError(f"{key}.elements", "no free element touches them", "supports that bear something")
-        move = _vector(part.move if part.move is not None else [0.0] * d, d, f"{key}.move")
+        move = _vector(entry.move if entry.move is not None else [0.0] * d, d, f"{key}.move")
         turn = _vector(
-            np.atleast_1d(part.turn).tolist() if np.any(part.turn) else [0.0] * (q - d), q - d, f"{key}.turn"
+            np.atleast_1d(entry.turn).tolist() if np.any(entry.turn) else [0.0] * (q - d), q - d, f"{key}.turn"
         )
-        about = elements.centroid[rows].mean(axis=0) if part.about is None else _vector(part.about, d, f"{key}.about")
+        centre = (
+            elements.centroid[rows].mean(axis=0) if entry.about is None else _vector(entry.about, d, f"{key}.about")
+        )
         for row in rows:
-            arm = elements.centroid[row] - about
+            arm = elements.centroid[row] - centre
             velocity[row] += np.concatenate([move + spun(turn, arm), turn])
     if not velocity.any():
-        raise InputError(f"settlements[{place}]", "nothing moves", '"move" or "turn" of some support')
+        raise InputError(f"settlements[{position}]", "nothing moves", '"move" or "turn" of some support')
     return velocity
 
 
@@ -414,9 +424,9 @@ class Boundary:
 
     def _around(self, entry: FaceLoad, where: str) -> list[Traction]:
         """Return the tractions of a uniform pressure on the whole free boundary of one element."""
-        name, other = entry.face.between or ("", "")
-        if other != OUTSIDE or name not in self.elements.index:
-            problem = f"no free face lies between {name!r} and {other!r}"
+        name, neighbour = entry.face.between or ("", "")
+        if neighbour != OUTSIDE or name not in self.elements.index:
+            problem = f"no free face lies between {name!r} and {neighbour!r}"
             raise InputError(f"{where}.face.between", problem, f'the id of a free element, and "{OUTSIDE}"')
         index = self.elements.index[name]
         if self.elements.support[index]:
@@ -444,11 +454,11 @@ class Boundary:
         legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
         if not (legs > self._reach).all():
             raise InputError(f"{where}.face.along", "two of its points coincide", "points apart from each other")
-        place = np.append(0.0, np.cumsum(legs)) / legs.sum()
+        share_at = np.append(0.0, np.cumsum(legs)) / legs.sum()
         first, last = entry.ends
         tractions: list[Traction] = []
         for k, leg in enumerate(legs.tolist()):
-            ends = [first + (last - first) * share for share in (place[k], place[k + 1])]
+            ends = [first + (last - first) * share for share in (share_at[k], share_at[k + 1])]
             pieces = list(self._on_leg(points[k], (points[k + 1] - points[k]) / leg, leg))
             covered = sum(high - low for _, low, high, _ in pieces)
             if abs(covered - leg) > self._reach * (1 + len(pieces)):
@@ -472,18 +482,18 @@ class Boundary:
         reach = self._reach
         ends = np.array([start, start + length * unit])
         low, high = ends.min(axis=0) - reach, ends.max(axis=0) + reach
-        near = ((self.elements.lower <= high) & (low <= self.elements.upper)).all(axis=1)
-        for index in np.flatnonzero(near).tolist():
+        touches_box = ((self.elements.lower <= high) & (low <= self.elements.upper)).all(axis=1)
+        for index in np.flatnonzero(touches_box).tolist():
             for first, last, pieces in self._edges(index):
-                sideways = [abs((p - start)[0] * unit[1] - (p - start)[1] * unit[0]) for p in (first, last)]
-                if max(sideways) > reach:
+                offsets = [abs((p - start)[0] * unit[1] - (p - start)[1] * unit[0]) for p in (first, last)]
+                if max(offsets) > reach:
                     continue
                 forward = bool((last - first) @ unit > 0.0)
-                for one, other in pieces:
-                    least, most = sorted((float((one - start) @ unit), float((other - start) @ unit)))
-                    least, most = max(least, 0.0), min(most, length)
-                    if most - least > reach:
-                        yield index, least, most, forward
+                for free_start, free_end in pieces:
+                    low_end, high_end = sorted((float((free_start - start) @ unit), float((free_end - start) @ unit)))
+                    low_end, high_end = max(low_end, 0.0), min(high_end, length)
+                    if high_end - low_end > reach:
+                        yield index, low_end, high_end, forward
 
     def _edges(self, index: int) -> Iterator[tuple[Floats, Floats, list[tuple[Floats, Floats]]]]:
         """Yield the ends of each edge of a planar element, with its free intervals."""

@@ -64,49 +64,49 @@ def self_weight(element: Element, volume: float, materials: Materials, direction
     return (density or 0.0) * volume * gravity * direction
 
 
-def _stated_value(source: Any, one: StandardParameter, prefix: str = "") -> float | None:
-    """Return the value that an entry states for a parameter, if any; prefix: of the keys of friction in it."""
+def _stated_value(source: Any, parameter: StandardParameter, prefix: str = "") -> float | None:
+    """Return the value that an entry states for a parameter, if any; prefix: of its keys of friction."""
     if source is None:
         return None
-    if one.side == "friction":
-        return _coefficient(*(getattr(source, f"{prefix}friction_{what}") for what in ("coefficient", "angle")))
-    value: float | None = getattr(source, one.key)
+    if parameter.side == "friction":
+        return _coefficient(*(getattr(source, f"{prefix}friction_{name}") for name in ("coefficient", "angle")))
+    value: float | None = getattr(source, parameter.key)
     return value
 
 
 def _of_face(face: FaceMaterial) -> dict[str, float | None]:
     """Return the values that an entry of "materials.faces" states, by fields of `Strengths`."""
-    given = {parameter.field: _stated_value(getattr(face, parameter.label), parameter) for parameter in PARAMETERS}
-    return {name: value for name, value in given.items() if value is not None}
+    values = {parameter.field: _stated_value(getattr(face, parameter.label), parameter) for parameter in PARAMETERS}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def criteria(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None]
 ) -> tuple[StatedCriterion, ...]:
     """Return the criteria of plug-ins that a scene states, each with its interfaces (m,)."""
-    found: dict[str, tuple[StatedCriterion, list[int]]] = {}
+    by_text: dict[str, tuple[StatedCriterion, list[int]]] = {}
     for label in ("dry", "inner"):
-        usual, keys = getattr(materials, label), _OF_CONTACTS[label]
+        default, keys = getattr(materials, label), _OF_CONTACTS[label]
         for number, (contact, face) in enumerate(zip(contacts, faces, strict=True)):
-            source, key = usual, f"materials.{label}"
-            own = getattr(face, label) if face is not None else None
-            if face is not None and own is not None and own.model_fields_set:
-                source, key = own, f"materials.faces of {'–'.join(face.between)}: {label}"
-            named = None if source is None else source.named
-            if named is None:
+            source, key = default, f"materials.{label}"
+            of_face = getattr(face, label) if face is not None else None
+            if face is not None and of_face is not None and of_face.model_fields_set:
+                source, key = of_face, f"materials.faces of {'–'.join(face.between)}: {label}"
+            criterion = None if source is None else source.named
+            if criterion is None:
                 continue
-            name, parameters = named
-            given = [one for one in keys if contact is not None and getattr(contact, one) is not None]
-            if contact is not None and given:
-                where = f"interface {'–'.join(contact.elements)}: {given[0]}"
+            name, parameters = criterion
+            stated_keys = [k for k in keys if getattr(contact, k, None) is not None]
+            if contact is not None and stated_keys:
+                where = f"interface {'–'.join(contact.elements)}: {stated_keys[0]}"
                 raise InputError(where, f'{key} has the criterion "{name}"', "no strength of its own")
             text = json.dumps([label, name, parameters], sort_keys=True)
-            if text not in found:
+            if text not in by_text:
                 values = stated(label, name, parameters, key)
-                found[text] = StatedCriterion(label, name, values, np.zeros(0, dtype=bool)), []
-            found[text][1].append(number)
-    mask = np.arange(len(contacts))
-    return tuple(replace(one, faces=np.isin(mask, places)) for one, places in found.values())
+                by_text[text] = StatedCriterion(label, name, values, np.zeros(0, dtype=bool)), []
+            by_text[text][1].append(number)
+    indices = np.arange(len(contacts))
+    return tuple(replace(criterion, faces=np.isin(indices, numbers)) for criterion, numbers in by_text.values())
 
 
 # Prefix of the keys of friction of a label in "interfaces", and the keys there that state strengths of one label
@@ -126,33 +126,31 @@ def strengths(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None] | None = None
 ) -> Strengths:
     """Return the strengths of m interfaces under both labels."""
-    usual = {parameter.field: _stated_value(getattr(materials, parameter.label), parameter) for parameter in PARAMETERS}
+    # Values of "interfaces" replace those of "materials.faces", and these those of "materials". A face with a criterion
+    # has none of the strengths of its label in "materials".
+    defaults = {p.field: _stated_value(getattr(materials, p.label), p) for p in PARAMETERS}
     rows = []
     for contact, face in zip(contacts, faces or [None] * len(contacts), strict=True):
-        own = dict(usual)
+        values = dict(defaults)
         if face is not None:
             stating = [label for label in _PREFIX if getattr(getattr(face, label), "named", None) is not None]
-            own |= {parameter.field: None for parameter in PARAMETERS if parameter.label in stating}
-            own |= _of_face(face)
-            _check_apex(own, f"materials.faces of {'–'.join(face.between)}")
+            values |= {p.field: None for p in PARAMETERS if p.label in stating}
+            values |= _of_face(face)
+            _check_apex(values, f"materials.faces of {'–'.join(face.between)}")
         if contact is not None:
-            given = {
-                parameter.field: _stated_value(contact, parameter, _PREFIX[parameter.label]) for parameter in PARAMETERS
-            }
-            own |= {name: value for name, value in given.items() if value is not None}
-            _check_apex(own, f"interface {'–'.join(contact.elements)}")
-        rows.append(
-            [parameter.absent if own[parameter.field] is None else own[parameter.field] for parameter in PARAMETERS]
-        )
+            of_contact = {p.field: _stated_value(contact, p, _PREFIX[p.label]) for p in PARAMETERS}
+            values |= {name: value for name, value in of_contact.items() if value is not None}
+            _check_apex(values, f"interface {'–'.join(contact.elements)}")
+        rows.append([p.absent if values[p.field] is None else values[p.field] for p in PARAMETERS])
     table = np.array(rows, dtype=float).reshape(-1, len(PARAMETERS))
     columns = zip(PARAMETERS, table.T, strict=True)
-    return Strengths(**{one.field: np.ascontiguousarray(column) for one, column in columns})
+    return Strengths(**{p.field: np.ascontiguousarray(column) for p, column in columns})
 
 
-def _check_apex(own: Mapping[str, float | None], where: str) -> None:
+def _check_apex(values: Mapping[str, float | None], where: str) -> None:
     """Raise InputError if the inner tension of strengths by fields exceeds the apex of friction."""
-    found = {parameter.side: own[parameter.field] for parameter in PARAMETERS if parameter.label == "inner"}
-    lies_within_apex(found["tension"], found["shear"], found["friction"], where)
+    inner = {parameter.side: values[parameter.field] for parameter in PARAMETERS if parameter.label == "inner"}
+    lies_within_apex(inner["tension"], inner["shear"], inner["friction"], where)
 
 
 _ROUTE: Final = Route("the bond of joints")
@@ -168,28 +166,28 @@ def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMa
     # With N' = N + σt A, the yield sets of both labels are sets without this strength: a dry face has c − μ σt, an
     # inner one the tensile strength less σt. The difference is a constant force σt A that pulls both sides of the face
     # together, part of the dead load. Results subtract it from N'.
-    usual = materials.dry.tensile_strength if materials.dry is not None else 0.0
+    default = materials.dry.tensile_strength if materials.dry is not None else 0.0
     values = [
         None if material is None or material.dry is None else material.dry.tensile_strength for material in entries
     ]
-    strength = np.array([usual if value is None else value for value in values], dtype=float)
+    strength = np.array([default if value is None else value for value in values], dtype=float)
     if not strength.any():
         return assembly
-    own = assembly.strengths(_ROUTE)
-    dry, inner = own.side(dry=True), own.side(dry=False)
+    unbonded = assembly.strengths(_ROUTE)
+    dry, inner = unbonded.side(dry=True), unbonded.side(dry=False)
     with np.errstate(invalid="ignore"):
-        over = strength * dry.friction > dry.shear * (1.0 + 1e-12)
-        weak = strength > inner.tension * (1.0 + 1e-12)
-    for wrong, what, limit in (
-        (over, "beyond the apex of its friction", f"at most {key_of('dry', 'shear')} over friction"),
-        (weak, "above the tensile strength of the same face as an inner one", "at most that of materials.inner"),
+        beyond_apex = strength * dry.friction > dry.shear * (1.0 + 1e-12)
+        above_inner = strength > inner.tension * (1.0 + 1e-12)
+    for faulty, relation, limit in (
+        (beyond_apex, "beyond the apex of its friction", f"at most {key_of('dry', 'shear')} over friction"),
+        (above_inner, "above the tensile strength of the same face as an inner one", "at most that of materials.inner"),
     ):
-        if wrong.any():
-            face = int(np.flatnonzero(wrong)[0])
+        if faulty.any():
+            face = int(np.flatnonzero(faulty)[0])
             entry = entries[face]
-            own_value = entry is not None and entry.dry is not None and entry.dry.tensile_strength is not None
-            where = f"materials.faces of {assembly.pair(face)}: dry.tensile_strength" if own_value else _KEY
-            raise InputError(where, f"{strength[face]:g} is {what} (face {assembly.pair(face)})", limit)
+            is_of_face = entry is not None and entry.dry is not None and entry.dry.tensile_strength is not None
+            where = f"materials.faces of {assembly.pair(face)}: dry.tensile_strength" if is_of_face else _KEY
+            raise InputError(where, f"{strength[face]:g} is {relation} (face {assembly.pair(face)})", limit)
     strengths = Strengths.of(
         replace(
             dry,
@@ -217,27 +215,27 @@ def bond_pull(assembly: Assembly, force: Floats) -> Floats:
     owner = np.concatenate([faces.a, faces.b])
     arm = np.concatenate([faces.origin, faces.origin]) - assembly.elements.centroid[owner]
     loads = np.column_stack([vector, np.zeros((len(vector), assembly.freedoms - d))])
-    pull = resultants(len(assembly.elements), owner, loads, arm)
-    pull[assembly.elements.support] = 0.0
-    return pull
+    forces = resultants(len(assembly.elements), owner, loads, arm)
+    forces[assembly.elements.support] = 0.0
+    return forces
 
 
-def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | None = None) -> Assembly:
+def with_members(assembly: Assembly, entries: Sequence[Member], fill_bars: Members | None = None) -> Assembly:
     """Return an assembly with members.
 
     An interface for each whose force may vary, and prestress among dead loads.
     """
-    if not entries and not more:
+    if not entries and not fill_bars:
         return assembly
     members = _members(assembly, entries) if entries else Members()
-    members = members + more if more else members
+    members = members + fill_bars if fill_bars else members
     varying = np.flatnonzero(members.axial | (members.shear > 0.0))
-    place = np.full(len(members), -1, dtype=np.int64)
-    place[varying] = len(assembly.interfaces) + np.arange(len(varying))
-    members = replace(members, face=place)
-    prestress, own = _prestress(assembly, members), assembly.members
-    stress = prestress if own.self_stress is None else summed(own.self_stress, prestress)
-    members = replace(members, bond=own.bond, self_stress=stress if stress.any() else None)
+    face_of = np.full(len(members), -1, dtype=np.int64)
+    face_of[varying] = len(assembly.interfaces) + np.arange(len(varying))
+    members = replace(members, face=face_of)
+    prestress, bonded = _prestress(assembly, members), assembly.members
+    self_stress = prestress if bonded.self_stress is None else summed(bonded.self_stress, prestress)
+    members = replace(members, bond=bonded.bond, self_stress=self_stress if self_stress.any() else None)
     strengths = _strengths(members, varying)
     return replace(
         assembly,
@@ -248,35 +246,35 @@ def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | 
     )
 
 
-def _join_interfaces(one: Interfaces, other: Interfaces) -> Interfaces:
+def _join_interfaces(first: Interfaces, second: Interfaces) -> Interfaces:
     parts: dict[str, Any] = {}
-    for part in fields(one):
-        first, second = getattr(one, part.name), getattr(other, part.name)
-        parts[part.name] = first + second if isinstance(first, tuple) else np.concatenate([first, second])
+    for field in fields(first):
+        left, right = getattr(first, field.name), getattr(second, field.name)
+        parts[field.name] = left + right if isinstance(left, tuple) else np.concatenate([left, right])
     return Interfaces(**parts)
 
 
 def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
     """Convert entries to `Members` without interfaces; raise InputError for wrong points, elements, axes or names."""
-    names, held, points, axes = [], [], [], []
+    names, elements_of, points, axes = [], [], [], []
     for position, entry in enumerate(entries):
         where = f"members[{position}]"
-        anchors = [("from", entry.from_), *((f"through[{k}]", one) for k, one in enumerate(entry.through))]
+        anchors = [("from", entry.from_), *((f"through[{k}]", via) for k, via in enumerate(entry.through))]
         anchors.append(("to", entry.to))
-        found = [_anchor_point(assembly, anchor, f"{where}.{key}") for key, anchor in anchors]
-        elements, places = np.array([element for element, _ in found]), np.array([place for _, place in found])
+        anchored = [_anchor_point(assembly, anchor, f"{where}.{key}") for key, anchor in anchors]
+        elements, polyline = np.array([k for k, _ in anchored]), np.array([point for _, point in anchored])
         _require_two(assembly, elements, where)
         names.append(entry.name or f"{entry.kind} {position + 1}")
-        held.append(elements)
-        points.append(places)
-        axes.append(_axis(assembly, entry, elements, places, where))
-    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
-    if twice is not None:
-        raise InputError(f"members[{names.index(twice)}].name", f"{twice!r} is given twice", "a name for each")
+        elements_of.append(elements)
+        points.append(polyline)
+        axes.append(_axis(assembly, entry, elements, polyline, where))
+    repeated = next((name for k, name in enumerate(names) if name in names[:k]), None)
+    if repeated is not None:
+        raise InputError(f"members[{names.index(repeated)}].name", f"{repeated!r} is given twice", "a name for each")
     return Members(
         names=tuple(names),
         kinds=tuple(entry.kind for entry in entries),
-        elements=tuple(held),
+        elements=tuple(elements_of),
         points=tuple(points),
         axis=np.array(axes),
         tension=np.array([entry.most for entry in entries], dtype=float),
@@ -316,27 +314,25 @@ def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, whe
     """
     step = np.diff(points, axis=0)
     length = np.linalg.norm(step, axis=1)
-    short = np.flatnonzero(length <= tolerances.ON_OUTLINE * assembly.size)
-    if not short.size:
+    zero_segments = np.flatnonzero(length <= tolerances.ON_OUTLINE * assembly.size)
+    if not zero_segments.size:
         return np.asarray(step[0] / length[0])
     if entry.kind != "pin":
         names = ["from", *(f"through[{k}]" for k in range(len(entry.through))), "to"]
-        one, two = names[short[0]], names[short[0] + 1]
-        raise InputError(where, f'"{one}" and "{two}" are the same point', "points apart from each other")
+        first, second = names[zero_segments[0]], names[zero_segments[0] + 1]
+        raise InputError(where, f'"{first}" and "{second}" are the same point', "points apart from each other")
     faces = assembly.interfaces
-    between = np.flatnonzero(
-        (np.minimum(faces.a, faces.b) == elements.min()) & (np.maximum(faces.a, faces.b) == elements.max())
-    )
+    between = faces.between(*elements.tolist())
     if not between.size:
-        one, two = (assembly.elements.ids[k] for k in elements)
-        problem = f"both ends are the same point, and {one!r} and {two!r} share no face"
+        first, second = (assembly.elements.ids[k] for k in elements)
+        problem = f"both ends are the same point, and {first!r} and {second!r} share no face"
         raise InputError(where, problem, "two points, which give the axis of the pin")
-    away = np.array([distance_from_face(faces, face, points[0]) for face in between.tolist()])
-    near = between[away <= away.min() + tolerances.ON_OUTLINE * assembly.size]
-    normal = np.asarray(faces.normal[near] * np.where(faces.a[near] == elements[0], 1.0, -1.0)[:, None])
+    distance = np.array([distance_from_face(faces, face, points[0]) for face in between.tolist()])
+    nearest = between[distance <= distance.min() + tolerances.ON_OUTLINE * assembly.size]
+    normal = np.asarray(faces.normal[nearest] * np.where(faces.a[nearest] == elements[0], 1.0, -1.0)[:, None])
     if (normal @ normal[0] < 1.0 - tolerances.FACE).any():
-        one, two = (assembly.elements.ids[k] for k in elements)
-        problem = f"both ends are the same point, where faces of {one!r} and {two!r} meet at an angle"
+        first, second = (assembly.elements.ids[k] for k in elements)
+        problem = f"both ends are the same point, where faces of {first!r} and {second!r} meet at an angle"
         raise InputError(where, problem, "two points, which give the axis of the pin")
     return np.asarray(normal[0])
 
@@ -345,8 +341,8 @@ def _interfaces(assembly: Assembly, members: Members, rows: Ints) -> Interfaces:
     # Interfaces of members. Both sides are the first free element of a member, so that an interface never joins or
     # separates blocks. Area and sizes are 1, which makes a stress of the same number a force.
     d, support = assembly.dimension, assembly.elements.support
-    own = np.array([members.elements[k][np.argmin(support[members.elements[k]])] for k in rows], dtype=np.int64)
-    axis, one = members.axis[rows], np.ones(len(rows))
+    owner = np.array([members.elements[k][np.argmin(support[members.elements[k]])] for k in rows], dtype=np.int64)
+    axis, unit = members.axis[rows], np.ones(len(rows))
     if d == 2:
         e1, e2 = np.column_stack([-axis[:, 1], axis[:, 0]]), np.empty((len(rows), 0))
     else:
@@ -354,28 +350,28 @@ def _interfaces(assembly: Assembly, members: Members, rows: Ints) -> Interfaces:
         e1, e2 = frames[:, 0], frames[:, 1]
     ends = [members.points[k][[0, -1]] for k in rows]
     return Interfaces(
-        a=own,
-        b=own,
+        a=owner,
+        b=owner,
         origin=np.array([pair.mean(axis=0) for pair in ends]).reshape(-1, d),
         normal=axis,
         e1=e1,
         e2=e2,
-        l1=one,
-        l2=one,
-        area=one,
-        c_t=one if d == 3 else 0.0 * one,
+        l1=unit,
+        l2=unit,
+        area=unit,
+        c_t=unit if d == 3 else 0.0 * unit,
         rectangle=np.ones(len(rows), dtype=bool),
         polygon=tuple(pair if d == 2 else pair[[0, 0, 1, 1]] for pair in ends),
     )
 
 
 def _strengths(members: Members, rows: Ints) -> Strengths:
-    none, never = np.zeros(len(rows)), np.full(len(rows), np.inf)
-    bare = Side(none, none, none, never)
+    zero, infinite = np.zeros(len(rows)), np.full(len(rows), np.inf)
+    dry = Side(zero, zero, zero, infinite)
     tension, compression = (members.tension - members.prestress)[rows], members.compression[rows]
-    # A pin without axial capacity has no column of N; the range of N only has to leave its yield set an interior.
-    idle = np.where(members.axial[rows], 0.0, members.shear[rows])
-    return Strengths.of(bare, Side(tension + idle, members.shear[rows], none, compression + idle))
+    # A pin without axial capacity has no column of N; a reserve of both signs leaves its yield set an interior.
+    reserve = np.where(members.axial[rows], 0.0, members.shear[rows])
+    return Strengths.of(dry, Side(tension + reserve, members.shear[rows], zero, compression + reserve))
 
 
 def _prestress(assembly: Assembly, members: Members) -> Floats:
@@ -384,10 +380,10 @@ def _prestress(assembly: Assembly, members: Members) -> Floats:
     pushes = [(members.prestress[k], *members.push(k)) for k in np.flatnonzero(members.prestress).tolist()]
     if not pushes:
         return np.zeros_like(assembly.dead)
-    held = np.concatenate([one for _, one, _, _ in pushes])
-    arm = np.concatenate([points for _, _, points, _ in pushes]) - elements.centroid[held]
-    pull = np.concatenate([-prestress * forces for prestress, _, _, forces in pushes])
-    loads = np.column_stack([pull, np.zeros((len(pull), assembly.freedoms - d))])
-    total = resultants(len(elements), held, loads, arm)
+    owner = np.concatenate([elements_of for _, elements_of, _, _ in pushes])
+    arm = np.concatenate([points for _, _, points, _ in pushes]) - elements.centroid[owner]
+    forces_of = np.concatenate([-prestress * forces for prestress, _, _, forces in pushes])
+    loads = np.column_stack([forces_of, np.zeros((len(forces_of), assembly.freedoms - d))])
+    total = resultants(len(elements), owner, loads, arm)
     total[elements.support] = 0.0
     return total

@@ -48,20 +48,20 @@ def resultant(loads: Floats, elements: Elements) -> Resultant:
     """Compute force, moment and line of action of loads (n, q) about centroids on the free elements."""
     free = elements.free
     d = elements.centroid.shape[1]
-    middle = 0.5 * (elements.lower.min(axis=0) + elements.upper.max(axis=0))
-    forces, arm = loads[free, :d], elements.centroid[free] - middle
+    centre = 0.5 * (elements.lower.min(axis=0) + elements.upper.max(axis=0))
+    forces, arm = loads[free, :d], elements.centroid[free] - centre
     force, total = forces.sum(axis=0), float(np.linalg.norm(forces, axis=1).sum())
     couple = (loads[free, d:] + moment_about(arm, forces)).sum(axis=0)
     if d == 2:
         moment = float(couple[0])
         if np.linalg.norm(force) <= 1e-9 * total or total == 0.0:
             return Resultant(force, moment, np.full(2, np.nan), total)
-        across = np.array([force[1], -force[0]]) / (force @ force)
-        return Resultant(force, 0.0, middle + moment * across, total)
+        arm_of_unit_moment = np.array([force[1], -force[0]]) / (force @ force)
+        return Resultant(force, 0.0, centre + moment * arm_of_unit_moment, total)
     if np.linalg.norm(force) <= 1e-9 * total or total == 0.0:
         return Resultant(force, float(np.linalg.norm(couple)), np.full(3, np.nan), total)
     size = force @ force
-    return Resultant(force, float(couple @ force / np.sqrt(size)), middle + np.cross(force, couple) / size, total)
+    return Resultant(force, float(couple @ force / np.sqrt(size)), centre + np.cross(force, couple) / size, total)
 
 
 def units_of(scene: Scene) -> UnitSystem:
@@ -75,19 +75,20 @@ def implausible(scene: Scene, assembly: Assembly) -> list[str]:
     In units of unknown names, only friction and keys without effect are judged.
     """
     units = units_of(scene)
-    found = [*_of_no_use(scene), *_of_friction(scene), *_of_crushing(assembly)]
+    warnings = [*_of_no_use(scene), *_of_friction(scene), *_of_crushing(assembly)]
     if not units.known:
-        return found
-    return [*found, *_of_weight(scene, units), *_of_strengths(scene, assembly, units), *_of_geometry(assembly, units)]
+        return warnings
+    warnings += [*_of_weight(scene, units), *_of_strengths(scene, assembly, units), *_of_geometry(assembly, units)]
+    return warnings
 
 
 def not_judged(scene: Scene) -> tuple[str, ...]:
     """Return a note on a scene in units of unknown names, whose numbers are not judged."""
     names = scene.units.length, scene.units.force
-    odd = [name for name, known in zip(names, (METRES, NEWTONS), strict=True) if name not in known]
-    if not odd:
+    unnamed = [name for name, names_in_si in zip(names, (METRES, NEWTONS), strict=True) if name not in names_in_si]
+    if not unnamed:
         return ()
-    text = " and ".join(repr(name) for name in odd)
+    text = " and ".join(repr(name) for name in unnamed)
     return (f"no unit is named {text}, so that densities, strengths and sizes could not be judged",)
 
 
@@ -163,22 +164,22 @@ def _of_weight(scene: Scene, units: UnitSystem) -> Iterator[str]:
     densities = [("materials.density", scene.materials.density)]
     densities += [(f"elements[{k}].density", element.density) for k, element in enumerate(scene.elements or [])]
     densities += [("fill.density", scene.fill.density)] if scene.fill is not None else []
-    plain = (scene.units.length, scene.units.force) == ("m", "N")
+    is_si = (scene.units.length, scene.units.force) == ("m", "N")
     for where, value in densities:
         mass = 0.0 if value is None else value * units.density
         if value is None or mass == 0.0 or low <= mass <= high:
             continue
         readings = {
-            "kg/m³ are meant": np.nan if plain else value,
+            "kg/m³ are meant": np.nan if is_si else value,
             "t/m³ or g/cm³ are meant": 1e3 * value if value < high / 1e3 else np.nan,
             "a unit weight in kN/m³ is meant": value * 1e3 / 9.81,
             "a unit weight in N/m³ is meant": value / 9.81,
         }
-        likely = _meant(readings, _DENSITY, first=True)
-        usual = next((reading for reading in readings.values() if _within(reading, _DENSITY)), 2000.0)
-        text = f"{value:g} kg/m³" if plain else f"{value:g}, which is {mass:.4g} kg/m³ in {_unit_names(scene)}"
-        remedy = "" if plain else f'; write "density": "{usual:.4g} kg/m³", or {usual / units.density:.4g}'
-        yield f"{where} is {text}; usual is {low:g} to {high:g}{likely}{remedy}"
+        readings_in_range = _meant(readings, _DENSITY, first=True)
+        intended = next((reading for reading in readings.values() if _within(reading, _DENSITY)), 2000.0)
+        text = f"{value:g} kg/m³" if is_si else f"{value:g}, which is {mass:.4g} kg/m³ in {_unit_names(scene)}"
+        remedy = "" if is_si else f'; write "density": "{intended:.4g} kg/m³", or {intended / units.density:.4g}'
+        yield f"{where} is {text}; usual is {low:g} to {high:g}{readings_in_range}{remedy}"
     gravity = scene.materials.gravity
     if isinstance(gravity, float | int) and gravity < 0.0:
         yield f"materials.gravity is {gravity:g}; a number already acts downwards, so {-gravity:g} was probably meant"
@@ -192,34 +193,34 @@ def _unit_names(scene: Scene) -> str:
 
 def _of_strengths(scene: Scene, assembly: Assembly, units: UnitSystem) -> Iterator[str]:
     """Warn about strengths above 1 GPa, or below the pressure of the structure's own weight."""
-    pascals, own = units.si((1, -2)), _pressure_of_weight(assembly.elements, units)
+    pascals, own_pressure = units.si((1, -2)), _pressure_of_weight(assembly.elements, units)
     for where, number in _stated_strengths(scene):
         value = pascals * number
-        told = f"{number:g} Pa" if pascals == 1.0 else f"{number:g}, which is {value:.4g} Pa in {_unit_names(scene)}"
+        text = f"{number:g} Pa" if pascals == 1.0 else f"{number:g}, which is {value:.4g} Pa in {_unit_names(scene)}"
         if value > _STRENGTH:
             readings = {"it was turned into Pa twice": value / 1e6, "Pa are meant": number}
-            meant = _meant(readings, (own, _STRENGTH), first=True)
-            yield f"{where} is {told}; usual is below {_STRENGTH:g} Pa (1 GPa){meant}"
-        elif value < own:
-            meant = _meant({"MPa are meant": 1e6 * number, "kPa are meant": 1e3 * number}, (own, _STRENGTH))
+            meant = _meant(readings, (own_pressure, _STRENGTH), first=True)
+            yield f"{where} is {text}; usual is below {_STRENGTH:g} Pa (1 GPa){meant}"
+        elif value < own_pressure:
+            meant = _meant({"MPa are meant": 1e6 * number, "kPa are meant": 1e3 * number}, (own_pressure, _STRENGTH))
             yield (
-                f"{where} is {told}, below the {own:.3g} Pa that the structure's own weight presses "
+                f"{where} is {text}, below the {own_pressure:.3g} Pa that the structure's own weight presses "
                 f"with; usual is above{meant}"
             )
 
 
 def _stated_strengths(scene: Scene) -> Iterator[tuple[str, float]]:
     """Yield key and number of each strength, those of yield surfaces and of criteria too."""
-    named, labels = ("tensile_strength", "shear_strength", "compressive_strength"), ("dry", "inner")
+    strength_keys, labels = ("tensile_strength", "shear_strength", "compressive_strength"), ("dry", "inner")
     sources: list[tuple[str, Any]] = [(f"materials.{label}", getattr(scene.materials, label)) for label in labels]
     faces = enumerate(scene.materials.faces)
     sources += [(f"materials.faces[{k}].{label}", getattr(face, label)) for k, face in faces for label in labels]
     sources += [(f"interfaces[{k}]", contact) for k, contact in enumerate(scene.interfaces or [])]
     for where, source in sources:
-        stated = {f"{where}.{name}": getattr(source, name, None) for name in named}
-        for name, part in (getattr(source, "surface", None) or {}).items():
-            own = part if isinstance(part, dict) else {}
-            stated |= {f"{where}.surface.{name}.{key}": own.get(key) for key in named}
+        stated = {f"{where}.{name}": getattr(source, name, None) for name in strength_keys}
+        for name, surface_part in (getattr(source, "surface", None) or {}).items():
+            values_of_part = surface_part if isinstance(surface_part, dict) else {}
+            stated |= {f"{where}.surface.{name}.{key}": values_of_part.get(key) for key in strength_keys}
         if getattr(source, "criterion", None) is not None:
             stresses = [name for name, powers in powers_of(source.criterion).items() if powers == STRESS]
             stated |= {f"{where}.parameters.{name}": source.parameters.get(name) for name in stresses}
@@ -246,9 +247,9 @@ def _of_crushing(assembly: Assembly) -> Iterator[str]:
     friction = strengths.inner_friction
     implied = 2.0 * strengths.shear * (friction + np.hypot(1.0, friction))
     for name, stated in (("inner", strengths.crush_inner), ("dry", strengths.crush_dry)):
-        odd = np.isfinite(stated) & (implied > 0.0) & (stated > (1.0 + _CRUSHED) * implied)
-        if odd.any():
-            worst = int(np.argmax(np.where(odd, stated / implied, 0.0)))
+        exceeds = np.isfinite(stated) & (implied > 0.0) & (stated > (1.0 + _CRUSHED) * implied)
+        if exceeds.any():
+            worst = int(np.argmax(np.where(exceeds, stated / implied, 0.0)))
             unit = f"{force}/{length}²"
             shear, slope = strengths.shear[worst], friction[worst]
             yield (
@@ -265,17 +266,17 @@ def _of_geometry(assembly: Assembly, units: UnitSystem) -> Iterator[str]:
     elements = assembly.elements
     extent = (elements.upper - elements.lower).max(axis=1)
     metres = units.si((0, 1)) * extent
-    for bad, what, meant in (
+    for is_extreme, relation, cause in (
         (metres < _ELEMENT[0], "below 1 mm", "lengths in a larger unit"),
         (metres > _ELEMENT[1], "above 1 km", "lengths in mm"),
     ):
-        if bad.any():
-            first = int(np.flatnonzero(bad)[0])
-            count = int(np.count_nonzero(bad))
+        if is_extreme.any():
+            first = int(np.flatnonzero(is_extreme)[0])
+            count = int(np.count_nonzero(is_extreme))
             yield (
                 f"element {elements.ids[first]!r} measures {extent[first]:.4g} {assembly.units[0]}"
-                + (f" (and {count - 1} more are {what})" if count > 1 else "")
-                + f"; usual is 1 mm to 1 km; {meant} were probably meant"
+                + (f" (and {count - 1} more are {relation})" if count > 1 else "")
+                + f"; usual is 1 mm to 1 km; {cause} were probably meant"
             )
     for case in assembly.by_case:
         yield from _of_live(case)
@@ -288,19 +289,20 @@ def _of_live(assembly: Assembly) -> Iterator[str]:
     if live.cancels:
         return
     low, high = elements.lower.min(axis=0), elements.upper.max(axis=0)
-    along = live.force / np.linalg.norm(live.force)
+    direction = live.force / np.linalg.norm(live.force)
     corners = np.stack(np.meshgrid(*np.column_stack([low, high]), indexing="ij"), axis=-1).reshape(-1, len(low))
     arms = corners - live.point
     if len(low) == 2:
-        beside = arms @ np.array([-along[1], along[0]])
-        miss = 0.0 if beside.min() <= 0.0 <= beside.max() else float(abs(beside).min())
+        offset = arms @ np.array([-direction[1], direction[0]])
+        distance = 0.0 if offset.min() <= 0.0 <= offset.max() else float(abs(offset).min())
     else:
         # the distance of a line from the circumscribed ball is a lower bound of its distance from the box
         centre = 0.5 * (low + high) - live.point
-        miss = float(np.linalg.norm(centre - (centre @ along) * along)) - 0.5 * float(np.linalg.norm(high - low))
-    if miss > assembly.size:
-        where = ", ".join(f"{x:.4g}" for x in live.point)
+        radius = 0.5 * float(np.linalg.norm(high - low))
+        distance = float(np.linalg.norm(centre - (centre @ direction) * direction)) - radius
+    if distance > assembly.size:
+        where, unit = ", ".join(f"{x:.4g}" for x in live.point), assembly.units[0]
         yield (
-            f"the line of action of the live load passes {miss:.4g} m beside the structure (through {where}), whose "
-            f'size is {assembly.size:.4g} m; usual is through it; "at" is a place in the scene, not in the element'
+            f"the line of action of the live load passes {distance:.4g} {unit} beside the structure (through {where}), "
+            f'whose size is {assembly.size:.4g} {unit}; usual is through it; "at" is of the scene, not of the element'
         )

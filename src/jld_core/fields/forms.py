@@ -83,21 +83,16 @@ class Material:
 
 COMPONENTS = {2: 3, 3: 6}  # number of components of a stress by the dimension
 DIAGONAL = (0, 2, 5)  # positions of xx, yy and zz in the vector of a tensor in space
-_POSITIONS = (
-    (0, 0),
-    (0, 1),
-    (1, 1),
-    (0, 2),
-    (1, 2),
-    (2, 2),
-)  # row and column of the tensor for each entry of its vector
+# row and column in a tensor for each entry of its vector
+_POSITIONS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 
 
 def tensors(vectors: Floats) -> Floats:
     """Convert vectors (..., 3 or 6) to symmetric tensors (..., d, d)."""
     if vectors.shape[-1] == COMPONENTS[2]:
-        m, d, s = np.moveaxis(vectors, -1, 0)
-        return np.stack([np.stack([m + d, s], axis=-1), np.stack([s, m - d], axis=-1)], axis=-2)
+        mean, half_difference, shear = np.moveaxis(vectors, -1, 0)
+        first, second = mean + half_difference, mean - half_difference
+        return np.stack([np.stack([first, shear], axis=-1), np.stack([shear, second], axis=-1)], axis=-2)
     result = np.empty((*vectors.shape[:-1], 3, 3))
     for entry, (i, j) in enumerate(_POSITIONS):
         result[..., i, j] = result[..., j, i] = vectors[..., entry] / (1.0 if i == j else np.sqrt(2.0))

@@ -146,9 +146,9 @@ class WeakEquilibrium:
         problem = self.problem
         if not problem.loaded:
             return True
-        solved = WeakEquilibrium(problem.under_dead_load(), self._labels).solve()
-        # a program without a largest multiple has no answer, and stands
-        return solved is None or solved[1] >= 1.0
+        stresses_and_multiple = WeakEquilibrium(problem.under_dead_load(), self._labels).solve()
+        # a program without a largest multiple of the dead load has no answer, and stands
+        return stresses_and_multiple is None or stresses_and_multiple[1] >= 1.0
 
     def rates(self, point: Floats) -> sp.csr_array:
         """Return the derivatives (6t, 2p) of A x − b by the positions of p nodes, at a point (width,)."""

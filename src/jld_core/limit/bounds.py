@@ -290,7 +290,7 @@ class Prover:
         return copied
 
     def state(self, point: Floats, labels: Bits, passes: int = 2, fixed_load: bool = False) -> State:
-        """Project a point (≥ q·m + 1,), λ last, onto equilibrium; slack −inf and error inf if unusable."""
+        """Project a point (≥ q·m + 1,), λ last, onto equilibrium, by `_state`; slack −inf and error inf if unusable."""
         if not usable(point):
             return self._no_state()
         return self._state(point[: self._columns], float(point[-1]), labels, passes, fixed_load)

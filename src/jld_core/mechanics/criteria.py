@@ -243,6 +243,7 @@ def corners(rows: Floats, constants: Floats) -> tuple[Floats, Floats]:
     Both are exact for the numbers given, then rounded. A ray has N = 1 where its N is positive, else size 1. Rows of
     zeros are ignored. The set must hold no line.
     """
+    # Extreme rays (x w, w) of the cone {C x + d w ≥ 0, w ≥ 0}: a vertex x where w > 0, a ray of the set where w = 0.
     is_row = np.any(rows != 0.0, axis=1)
     table = np.column_stack([rows[is_row], constants[is_row]])
     generators = _corners(np.vstack([table, np.eye(table.shape[1])[-1:]]).tobytes(), table.shape[1])
@@ -567,6 +568,7 @@ def _core(table: Floats, key: str, name: str) -> tuple[Floats, Floats, Floats]:
     """Return rows (r, q + 1), vertices (p, q) and rays (r, q) of a core; InputError for an unusable set."""
     table = np.unique(table[np.any(table[:, :-1] != 0.0, axis=1)], axis=0)
     width = table.shape[1] - 1
+    # N and moments count always, spatial shear (V1 with V2) and torsion only where rows name them
     resultants = np.any(table[:, :-1] != 0.0, axis=0) | ((width == 3) | np.isin(np.arange(width), [0, 3, 4]))
     resultants[1:3] |= (width == 6) & resultants[1:3].any()
     count, rows, constants = int(resultants.sum()), table[:, :-1][:, resultants], table[:, -1]

@@ -536,6 +536,7 @@ class RowYield:
         return _patterns(self, (self.dry, self.inner, self._enclosed()))
 
     def _enclosed(self) -> LabelRows:
+        """Return the sets that enclose both labels; a subclass without `enclosing` makes them."""
         assert self.enclosing is not None
         return self.enclosing
 

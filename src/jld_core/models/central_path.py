@@ -252,6 +252,7 @@ class CentralPath:
 
     @property
     def _degree(self) -> int:
+        """Return the degree of the barrier: 1 for each linear row and each cone."""
         return self.rows.linear + (len(self.rows.rhs) - self.rows.linear) // 3
 
     def points(self) -> Iterator[PathPoint]:

@@ -20,7 +20,7 @@ _GRID: Final = 1e-13  # grid width for cutting lines, relative to the structure:
 _ON_LINE: Final = 1e-10  # distance, relative to the structure, within which a node lies on an outline
 
 # Distance, relative to a cell, within which nodes merge, so that a line that nearly passes a corner meets it
-_ONE: Final = 1e-6
+_MERGE: Final = 1e-6
 _LOST: Final = 1e-6  # share of an element's area by which its parts may differ from it after nodes merge
 _Edge = tuple[tuple[float, ...], tuple[float, ...]]  # edge of a polygon: two points
 
@@ -56,14 +56,14 @@ def split_by_cells(
 
 def _faces(
     outlines: Sequence[Floats],
-    known: Floats,
+    exact_corners: Floats,
     cells: Sequence[shapely.Polygon],
     origin: Floats,
     extent: float,
     size: float,
     snap: float,
 ) -> list[shapely.Polygon]:
-    """Return the polygons that outlines and cell boundaries enclose, about `origin`; known: (c, 2) exact corners."""
+    """Return the polygons that outlines and cell boundaries enclose, about `origin`; exact_corners: (c, 2)."""
     rings = [shapely.LinearRing(outline - origin) for outline in outlines]
     borders = shapely.transform(shapely.boundary(np.array(list(cells))), lambda points: points - origin)
     pieces = shapely.get_parts(shapely.union_all([*rings, *borders], grid_size=_GRID * extent))
@@ -72,94 +72,94 @@ def _faces(
     shapes = shapely.STRtree([shapely.Polygon(ring) for ring in rings])
     pieces = pieces[np.unique(shapes.query(middle, predicate="dwithin", distance=_ON_LINE * extent)[0])]
     points, owner = shapely.get_coordinates(pieces, return_index=True)
-    node, place = _nodes(points, known - origin, rings, extent, size)
+    node, nodes = _nodes(points, exact_corners - origin, rings, extent, size)
     if snap > 0.0:
-        node = _snap_nodes(node, place, len(known), rings, _ON_LINE * extent, snap * size)
+        node = _snap_nodes(node, nodes, len(exact_corners), rings, _ON_LINE * extent, snap * size)
     continues = np.flatnonzero(owner[1:] == owner[:-1])
     ends = np.sort(np.column_stack([node[continues], node[continues + 1]]), axis=1)
     ends = np.unique(ends[ends[:, 0] < ends[:, 1]], axis=0)
-    exact = np.concatenate([known, place[len(known) :] + origin])
+    exact = np.concatenate([exact_corners, nodes[len(exact_corners) :] + origin])
     # Forces at the very edge of a joint ask for the last digits, which the grid of the union has rounded away.
-    for corners in (shapely.get_coordinates(list(cells)), known):
-        exact[len(known) :] = _on_coordinates(exact[len(known) :], corners, 10.0 * _GRID * extent)
+    for corners in (shapely.get_coordinates(list(cells)), exact_corners):
+        exact[len(exact_corners) :] = _on_coordinates(exact[len(exact_corners) :], corners, 10.0 * _GRID * extent)
     return list(shapely.get_parts(shapely.polygonize(shapely.linestrings(exact[ends]))))
 
 
 def _on_coordinates(points: Floats, corners: Floats, reach: float) -> Floats:
     """Return points (k, 2) with each coordinate replaced by the nearest of corners (c, 2) within `reach`."""
-    moved = points.copy()
+    snapped = points.copy()
     for axis in (0, 1):
         values = np.unique(corners[:, axis])
-        place = np.searchsorted(values, points[:, axis])
-        for near in (np.maximum(place - 1, 0), np.minimum(place, len(values) - 1)):
-            close = abs(values[near] - points[:, axis]) <= reach
-            moved[close, axis] = values[near][close]
-    return moved
+        index = np.searchsorted(values, points[:, axis])
+        for neighbour in (np.maximum(index - 1, 0), np.minimum(index, len(values) - 1)):
+            within_reach = abs(values[neighbour] - points[:, axis]) <= reach
+            snapped[within_reach, axis] = values[neighbour][within_reach]
+    return snapped
 
 
 def _nodes(
     points: Floats, corners: Floats, rings: Sequence[shapely.LinearRing], extent: float, size: float
 ) -> tuple[Ints, Floats]:
-    """Merge near points (k, 2); return the row (k,) of each in a table of places, and the table."""
+    """Merge near points (k, 2); return the row (k,) of each in a table of nodes (r, 2), and the table."""
     # The table holds the unchanged corners, then the points. Points merge with corners first, then with points on
     # outlines, then with others, so that a node on an outline stays on it.
-    near = shapely.STRtree(list(rings)).query(shapely.points(points), predicate="dwithin", distance=_ON_LINE * extent)[
-        0
-    ]
-    on = np.zeros(len(points), dtype=bool)
-    on[near] = True
-    order = np.argsort(~on, kind="stable")
-    every = np.concatenate([corners, points[order]])
-    merged = merge_points(every, _ONE * size)
-    # the first point of each node gives its place
-    first = np.full(int(merged.max()) + 1, len(every), dtype=np.int64)
-    np.minimum.at(first, merged, np.arange(len(every)))
+    on_outline_rows = shapely.STRtree(list(rings)).query(
+        shapely.points(points), predicate="dwithin", distance=_ON_LINE * extent
+    )[0]
+    on_outline = np.zeros(len(points), dtype=bool)
+    on_outline[on_outline_rows] = True
+    order = np.argsort(~on_outline, kind="stable")
+    table = np.concatenate([corners, points[order]])
+    node_of = merge_points(table, _MERGE * size)
+    # the first point of each node stands for it
+    first = np.full(int(node_of.max()) + 1, len(table), dtype=np.int64)
+    np.minimum.at(first, node_of, np.arange(len(table)))
     node = np.empty(len(points), dtype=np.int64)
-    node[order] = first[merged[len(corners) :]]
-    return node, every
+    node[order] = first[node_of[len(corners) :]]
+    return node, table
 
 
 def _snap_nodes(
-    node: Ints, place: Floats, corners: int, rings: Sequence[shapely.LinearRing], on: float, reach: float
+    node: Ints, table: Floats, corner_count: int, rings: Sequence[shapely.LinearRing], width: float, reach: float
 ) -> Ints:
-    """Move nodes (k,) of places (r, 2), corners first, to near ones, so that few edges are short; new rows."""
+    """Move nodes (k,), rows of a table (r, 2) with corners first, to near ones for few short edges; new rows."""
     # Corners stay. A node on outlines moves to the nearest corner on them, else to a node that stays there; other nodes
     # move to the nearest corner or node that stays.
-    used = np.concatenate([np.arange(corners), np.unique(node[node >= corners])])
-    outlines: list[set[int]] = [set() for _ in range(len(place))]
-    near = shapely.STRtree(list(rings)).query(shapely.points(place[used]), predicate="dwithin", distance=on)
-    for point, ring in zip(*near.tolist(), strict=True):
-        outlines[int(used[point])].add(ring)
-    kept = list(range(corners))
-    moved = np.arange(len(place))
-    for at in sorted(used[corners:].tolist(), key=lambda one: (not outlines[one], one)):
+    rows = np.concatenate([np.arange(corner_count), np.unique(node[node >= corner_count])])
+    outlines: list[set[int]] = [set() for _ in range(len(table))]
+    incidences = shapely.STRtree(list(rings)).query(shapely.points(table[rows]), predicate="dwithin", distance=width)
+    for point, ring in zip(*incidences.tolist(), strict=True):
+        outlines[int(rows[point])].add(ring)
+    staying = list(range(corner_count))
+    target = np.arange(len(table))
+    for row in sorted(rows[corner_count:].tolist(), key=lambda k: (not outlines[k], k)):
         # a node where elements meet stays on the outlines of all of them
-        stays = [other for other in kept if outlines[at] <= outlines[other]]
-        apart = np.hypot(*(place[stays] - place[at]).T)
+        candidates = [other for other in staying if outlines[row] <= outlines[other]]
+        distance = np.hypot(*(table[candidates] - table[row]).T)
         # corners of the outlines are preferred to nodes within reach
-        order = np.lexsort((apart, np.array(stays) >= corners, apart > reach))
-        if len(order) and apart[order[0]] <= reach:
-            moved[at] = stays[int(order[0])]
+        order = np.lexsort((distance, np.array(candidates) >= corner_count, distance > reach))
+        if len(order) and distance[order[0]] <= reach:
+            target[row] = candidates[int(order[0])]
         else:
-            kept.append(at)
-    return np.asarray(moved[node])
+            staying.append(row)
+    return np.asarray(target[node])
 
 
 def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polygon]:
     """Join parts smaller than a least area to the neighbour with the longest common boundary."""
-    parts, stuck = list(parts), set[bytes]()
+    parts, unjoinable = list(parts), set[bytes]()
     while len(parts) > 1:
-        small = [part for part in parts if part.area < least and part.wkb not in stuck]
+        small = [part for part in parts if part.area < least and part.wkb not in unjoinable]
         if not small:
             break
-        part = min(small, key=lambda one: (one.area, one.bounds))
+        part = min(small, key=lambda p: (p.area, p.bounds))
         others = [other for other in parts if other is not part]
         joined = _join_to_neighbour(part, others)
         if joined is None:
-            stuck.add(part.wkb)
+            unjoinable.add(part.wkb)
             continue
-        index, whole = joined
-        others[index] = whole
+        index, union = joined
+        others[index] = union
         parts = others
     return parts
 
@@ -171,9 +171,9 @@ def _join_to_neighbour(part: shapely.Polygon, others: list[shapely.Polygon]) -> 
     lengths = [sum(float(np.hypot(*np.subtract(*edge))) for edge in edges & _edges(other)) for other in others]
     for index in sorted(range(len(others)), key=lambda k: -lengths[k]):
         if lengths[index] > 0.0:
-            whole = shapely.get_parts(shapely.coverage_union(others[index], part))
-            if len(whole) == 1 and not whole[0].interiors:
-                return index, whole[0]
+            union = shapely.get_parts(shapely.coverage_union(others[index], part))
+            if len(union) == 1 and not union[0].interiors:
+                return index, union[0]
     return None
 
 
@@ -188,7 +188,7 @@ _ON: Final = 1e-9  # distance from a plane, relative to a solid, up to which a c
 
 
 def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[shapely.Polygon]:
-    """Cover a box (2,), (2,) with rectangles, row by row from below; InputError for more than `MOST`."""
+    """Cover a box (2,), (2,) with rectangles, row by row from below; ParameterError for more than `MOST`."""
     counts = [
         max(1, int(np.ceil((high - low) / size - 1e-9))) for low, high, size in zip(lower, upper, cell, strict=True)
     ]
@@ -199,7 +199,7 @@ def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[sha
 
 
 def refuse_more(count: float) -> None:
-    """Raise InputError if the number of cells exceeds `MOST`."""
+    """Raise ParameterError if the number of cells exceeds `MOST`."""
     if count > MOST:
         raise ParameterError("cell", f"that makes {count:.3g} cells", f"at most {MOST}")
 
@@ -266,5 +266,5 @@ def convex(vertices: Floats, faces: Faces) -> bool:
     """Return True if a polyhedron of vertices (k, 3) is convex, up to 1e-5 of its size."""
     facets = facets_of([vertices], [faces])
     size = float(np.ptp(vertices, axis=0).max())
-    over = np.einsum("fd,fvd->fv", facets.normal, vertices[None] - facets.origin[:, None])
-    return bool(over.max() <= 1e-5 * size)
+    height = np.einsum("fd,fvd->fv", facets.normal, vertices[None] - facets.origin[:, None])
+    return bool(height.max() <= 1e-5 * size)

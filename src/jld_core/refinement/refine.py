@@ -23,7 +23,7 @@ from jld_core.geometry import Faces
 from jld_core.geometry.polyhedra import distance_from_face, distance_to, point_in_face
 from jld_core.geometry.unions import region_of, union_outlines
 from jld_core.parameters import typed
-from jld_core.refinement.arrangement import MOST, convex, cut, join_small, split_by_cells, squares
+from jld_core.refinement.arrangement import convex, cut, join_small, refuse_more, split_by_cells, squares
 from jld_core.scene.loads import FaceLoad, FacePlace
 from jld_core.scene.reading import parse_scene
 from jld_core.scene.schema import Scene
@@ -46,42 +46,42 @@ class Piece:
         return tuple(tuple(loop) for loop in self.keys.get("faces", ()))
 
 
-def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]]) -> dict[str, Any]:
+def loads_of(loads: dict[str, Any], assembly: Assembly, pieces: list[list[Piece]]) -> dict[str, Any]:
     """Transfer loads to the pieces at their points; InputError for pressure on a free part with a hole."""
 
-    def moved(entry: dict[str, Any], where: str) -> list[dict[str, Any]]:
+    def to_pieces(entry: dict[str, Any], where: str) -> list[dict[str, Any]]:
         """Return an entry as those of the pieces at its point, which share its force and moment."""
         between = entry.get("face", {}).get("between")
-        if between is not None and len(cut_up[assembly.elements.index[between[0]]]) > 1:
+        if between is not None and len(pieces[assembly.elements.index[between[0]]]) > 1:
             return [{**entry, "face": place} for place in _free_parts(assembly, between)]
         if "element" not in entry:
             return [entry]
         k = assembly.elements.index[entry["element"]]
-        if len(cut_up[k]) == 1:
+        if len(pieces[k]) == 1:
             return [entry]
-        at = entry.get("at") or assembly.elements.centroid[k].tolist()
-        holding = _holding(cut_up[k], np.array(at), tolerances.ON_OUTLINE * assembly.size)
+        point = entry.get("at") or assembly.elements.centroid[k].tolist()
+        indices = _holding(pieces[k], np.array(point), tolerances.ON_OUTLINE * assembly.size)
         shared: dict[str, Any] = {}
         for key in ("force", "moment"):
             if key in entry:
-                shared[key] = _share(entry[key], len(holding), f"{where}.{key}")
+                shared[key] = _share(entry[key], len(indices), f"{where}.{key}")
         if "force" in shared:
-            shared["at"] = at
-        return [{**entry, "element": f"{entry['element']}.{number}", **shared} for number in holding]
+            shared["at"] = point
+        return [{**entry, "element": f"{entry['element']}.{number}", **shared} for number in indices]
 
-    def moved_all(part: dict[str, Any], where: str) -> dict[str, Any]:
-        moved_by_key: dict[str, Any] = {}
+    def transferred_of(part: dict[str, Any], where: str) -> dict[str, Any]:
+        by_key: dict[str, Any] = {}
         for key in ("live", "dead"):
             if key in part:
-                entries = (moved(entry, f"{where}.{key}[{k}]") for k, entry in enumerate(part[key]))
-                moved_by_key[key] = list(itertools.chain(*entries))
-        return moved_by_key
+                entries = (to_pieces(entry, f"{where}.{key}[{k}]") for k, entry in enumerate(part[key]))
+                by_key[key] = list(itertools.chain(*entries))
+        return by_key
 
-    transferred = moved_all(loads, "loads")
+    transferred = transferred_of(loads, "loads")
     transferred |= {key: loads[key] for key in ("moving", "pushes") if key in loads}
     if "cases" in loads:
         transferred["cases"] = [
-            {**case, **moved_all(case, f"loads.cases[{k}]")} for k, case in enumerate(loads["cases"])
+            {**case, **transferred_of(case, f"loads.cases[{k}]")} for k, case in enumerate(loads["cases"])
         ]
     return transferred
 
@@ -100,101 +100,94 @@ def _free_parts(assembly: Assembly, between: list[str]) -> list[dict[str, Any]]:
     return [{key: traction.rings[0].tolist()} for traction in parts.tractions]
 
 
-def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[list[Piece]]) -> list[dict[str, Any]]:
+def members_of(members: list[dict[str, Any]], assembly: Assembly, pieces: list[list[Piece]]) -> list[dict[str, Any]]:
     """Transfer members to the pieces that contain their points, which share them; InputError for too many shares."""
     # A pin without length is shared by the pieces that touch along the face that it crosses.
     reach = tolerances.ON_OUTLINE * assembly.size
 
     def on_pieces(anchor: dict[str, Any]) -> list[dict[str, Any]]:
-        parts = cut_up[assembly.elements.index[anchor["element"]]]
-        held = _holding(parts, np.array(anchor["at"]), reach)
-        return [{**anchor, "element": f"{anchor['element']}.{k}"} for k in held] if len(parts) > 1 else [anchor]
+        parts = pieces[assembly.elements.index[anchor["element"]]]
+        indices = _holding(parts, np.array(anchor["at"]), reach)
+        return [{**anchor, "element": f"{anchor['element']}.{k}"} for k in indices] if len(parts) > 1 else [anchor]
 
-    found = []
+    shares = []
     for position, member in enumerate(members):
         anchors = [member["from"], *member.get("through", []), member["to"]]
-        places = [on_pieces(anchor) for anchor in anchors]
-        count = math.prod(map(len, places))
+        choices = [on_pieces(anchor) for anchor in anchors]
+        count = math.prod(map(len, choices))
         if count > _MOST_SHARES:
             problem = f"its points lie at common corners of cells, which share it in {count} ways"
             raise InputError(f"members[{position}]", problem, "points inside cells, or another size of cells")
-        ways = list(itertools.product(*places))
+        combinations = list(itertools.product(*choices))
         if count > 1 and math.dist(anchors[0]["at"], anchors[-1]["at"]) <= reach and len(anchors) == 2:
-            touching = _beside_face(assembly, cut_up, anchors, reach)
-            ways = [way for way in ways if (way[0]["element"], way[1]["element"]) in touching]
+            touching = _beside_face(assembly, pieces, anchors, reach)
+            combinations = [pair for pair in combinations if (pair[0]["element"], pair[1]["element"]) in touching]
         name = member.get("name") or f"{member['kind']} {position + 1}"
-        for number, (start, *through, end) in enumerate(ways):
-            one = {**member, "name": name, "from": start, "to": end}
+        for number, (start, *through, end) in enumerate(combinations):
+            share = {**member, "name": name, "from": start, "to": end}
             if through:
-                one["through"] = through
-            if len(ways) > 1:
-                one |= {"name": f"{name} ({number + 1} of {len(ways)})"}
-                one |= {
-                    key: _share(member[key], len(ways), f"members[{position}].{key}")
+                share["through"] = through
+            if len(combinations) > 1:
+                share |= {"name": f"{name} ({number + 1} of {len(combinations)})"}
+                share |= {
+                    key: _share(member[key], len(combinations), f"members[{position}].{key}")
                     for key in _CAPACITIES
                     if key in member
                 }
-            found.append(one)
-    return found
+            shares.append(share)
+    return shares
 
 
-def _share(value: Any, count: int, where: str, share: float | None = None) -> Any:
-    # of one of so many pieces, the same part by default; a dict has a nominal and a low value
+def _share(value: Any, count: int, where: str, fraction: float | None = None) -> Any:
+    # The part of one of `count` pieces, an equal one by default; a dict has a nominal and a low value.
     if isinstance(value, list):
-        return [_share(one, count, where, share) for one in value]
+        return [_share(x, count, where, fraction) for x in value]
     if count == 1:
         return value
     if isinstance(value, dict) and "mean" in value:
         raise InputError(where, "it is uncertain, and several cells would share it", "larger cells, or a number")
-    part = 1.0 / count if share is None else share
-    return {name: number * part for name, number in value.items()} if isinstance(value, dict) else value * part
+    factor = 1.0 / count if fraction is None else fraction
+    return {name: number * factor for name, number in value.items()} if isinstance(value, dict) else value * factor
 
 
 def _beside_face(
-    assembly: Assembly, cut_up: list[list[Piece]], anchors: list[dict[str, Any]], reach: float
+    assembly: Assembly, pieces: list[list[Piece]], anchors: list[dict[str, Any]], reach: float
 ) -> set[tuple[str, str]]:
     """Return the pairs of pieces of two elements that touch around the common point of two anchors."""
-    elements, faces, at = assembly.elements, assembly.interfaces, np.array(anchors[0]["at"])
+    elements, faces, centre = assembly.elements, assembly.interfaces, np.array(anchors[0]["at"])
     first, second = (elements.index[anchor["element"]] for anchor in anchors)
-    between = np.flatnonzero(
-        (np.minimum(faces.a, faces.b) == min(first, second)) & (np.maximum(faces.a, faces.b) == max(first, second))
-    )
     pairs: set[tuple[str, str]] = set()
-    for face in between.tolist():
+    for face in faces.between(first, second).tolist():
         if assembly.dimension == 2:
             directions = np.array([faces.e1[face], -faces.e1[face]])
         else:
+            # twelve directions, none of them along an edge of cells parallel to e1 or e2
             angle = 0.13 + np.arange(12) * np.pi / 6.0
             directions = np.cos(angle)[:, None] * faces.e1[face] + np.sin(angle)[:, None] * faces.e2[face]
-        for point in at + 50.0 * reach * directions:
-            if distance_from_face(faces, face, point) > reach:
+        for point_beside in centre + 50.0 * reach * directions:
+            if distance_from_face(faces, face, point_beside) > reach:
                 continue
-            pair = []
-            for k in (first, second):
-                holding = _holding(cut_up[k], point, reach)
-                pair += (
-                    [elements.ids[k] + (f".{holding[0]}" if len(cut_up[k]) > 1 else "")] if len(holding) == 1 else []
-                )
-            if len(pair) == 2:
-                pairs.add((pair[0], pair[1]))
+            holding = [(k, _holding(pieces[k], point_beside, reach)) for k in (first, second)]
+            if all(len(indices) == 1 for _, indices in holding):
+                a, b = (elements.ids[k] + (f".{indices[0]}" if len(pieces[k]) > 1 else "") for k, indices in holding)
+                pairs.add((a, b))
     return pairs
 
 
-def _holding(parts: list[Piece], at: Floats, reach: float) -> list[int]:
+def _holding(parts: list[Piece], point: Floats, reach: float) -> list[int]:
     """Return the indices of the pieces that hold a point (d,), or else are nearest to it, within `reach`."""
-    away = np.array(
-        [distance_to(np.array(part.keys.get("polygon", part.keys.get("vertices"))), part.loops, at) for part in parts]
-    )
-    return np.flatnonzero(away <= away.min() + reach).tolist()
+    corners = [np.array(part.keys.get("polygon", part.keys.get("vertices"))) for part in parts]
+    distance = np.array([distance_to(shape, part.loops, point) for shape, part in zip(corners, parts, strict=True)])
+    return np.flatnonzero(distance <= distance.min() + reach).tolist()
 
 
 def _old_faces(assembly: Assembly) -> dict[tuple[str, str], list[int]]:
     """Return the indices of the faces between each pair of elements, by the sorted ids."""
     ids, faces = assembly.elements.ids, assembly.interfaces
-    found: dict[tuple[str, str], list[int]] = {}
+    by_pair: dict[tuple[str, str], list[int]] = {}
     for k, (a, b) in enumerate(zip(faces.a.tolist(), faces.b.tolist(), strict=True)):
-        found.setdefault((min(ids[a], ids[b]), max(ids[a], ids[b])), []).append(k)
-    return found
+        by_pair.setdefault((min(ids[a], ids[b]), max(ids[a], ids[b])), []).append(k)
+    return by_pair
 
 
 def face_of_piece(old: Interfaces, candidates: list[int], new: Interfaces, piece: int) -> int:
@@ -210,14 +203,14 @@ def labels_of(old: Assembly, new: Assembly, parent: dict[str, str]) -> dict[str,
     """Return the label lists of pairs of pieces under which all faces keep their old labels."""
     # New faces within one element are inner, those between elements that did not touch dry. Faces that `new` labels so
     # already are left out.
-    known = _old_faces(old)
+    old_faces = _old_faces(old)
     ids, faces = new.elements.ids, new.interfaces
     lists: dict[str, list[list[str]]] = {"inner": [], "dry": []}
     for k, (a, b) in enumerate(zip(faces.a.tolist(), faces.b.tolist(), strict=True)):
-        one, two = parent[ids[a]], parent[ids[b]]
+        first, second = parent[ids[a]], parent[ids[b]]
         dry = False
-        if one != two:
-            candidates = known.get((min(one, two), max(one, two)), [])
+        if first != second:
+            candidates = old_faces.get((min(first, second), max(first, second)), [])
             dry = bool(old.labels[face_of_piece(old.interfaces, candidates, faces, k)]) if candidates else True
         if dry != bool(new.labels[k]):
             lists["dry" if dry else "inner"].append([ids[a], ids[b]])
@@ -232,16 +225,16 @@ def search_of(
     couples = [(ids[a], ids[b]) for a, b in zip(faces.a.tolist(), faces.b.tolist(), strict=True)]
     by_parents: dict[tuple[str, str], list[list[str]]] = {}
     for a, b in couples:
-        one, two = sorted((parent[a], parent[b]))
-        by_parents.setdefault((one, two), []).append([a, b])
+        first, second = sorted((parent[a], parent[b]))
+        by_parents.setdefault((first, second), []).append([a, b])
 
     def pieces_of(pairs: list[list[str]]) -> list[list[str]]:
         """Return the pairs of pieces that touch between pairs of original elements."""
-        return [pair for one, two in pairs for pair in by_parents.get((min(one, two), max(one, two)), [])]
+        return [pair for a, b in pairs for pair in by_parents.get((min(a, b), max(a, b)), [])]
 
     if isinstance(search.get("candidates"), list):
-        within = [pair for (one, two), pairs in by_parents.items() if one == two for pair in pairs]
-        search["candidates"] = pieces_of(search["candidates"]) + within
+        inside_elements = [pair for (first, second), pairs in by_parents.items() if first == second for pair in pairs]
+        search["candidates"] = pieces_of(search["candidates"]) + inside_elements
     keep = {key: pieces_of(pairs) for key, pairs in search.get("keep", {}).items()}
     if by == "block":
         search["candidates"] = "inside-blocks"
@@ -250,15 +243,15 @@ def search_of(
         weight = np.linalg.norm(old.elements.weight, axis=1)
         rate = weight / np.where(old.elements.volume > 0.0, old.elements.volume, 1.0)
         density = dict(zip(old.elements.ids, rate.tolist(), strict=True))
-        across = [pairs for (a, b), pairs in by_parents.items() if not np.isclose(density[a], density[b], rtol=1e-9)]
+        mixed = [pairs for (a, b), pairs in by_parents.items() if not np.isclose(density[a], density[b], rtol=1e-9)]
         free = {name for name, support in zip(ids, new.elements.support, strict=True) if not support}
-        kept = [pair for pairs in across for pair in pairs if free.issuperset(pair)]
-        keep["dry"] = keep.get("dry", []) + [pair for pair in kept if pair not in keep.get("dry", [])]
+        pairs_kept = [pair for pairs in mixed for pair in pairs if free.issuperset(pair)]
+        keep["dry"] = keep.get("dry", []) + [pair for pair in pairs_kept if pair not in keep.get("dry", [])]
     if any(keep.values()):
         search["keep"] = {key: pairs for key, pairs in keep.items() if pairs}
     if "except" in search:
-        wanted = set(search["except"])
-        search["except"] = [name for name in ids if parent[name] in wanted]
+        excepted = set(search["except"])
+        search["except"] = [name for name in ids if parent[name] in excepted]
     return search
 
 
@@ -273,6 +266,8 @@ _MOST_LENGTH: Final = 1e100  # sizes beyond it overflow in squares
 
 @dataclass(frozen=True)
 class CellOptions:
+    """Arguments of `refine`; `polygons` is its `cells`."""
+
     cell: tuple[float, ...]
     kind: str
     centre: tuple[float, float] | None
@@ -282,7 +277,7 @@ class CellOptions:
     rings: int
     courses: int
     snap: float
-    own: Sequence[shapely.Polygon] | None
+    polygons: Sequence[shapely.Polygon] | None
     skew: float | None
     lintel: int
     bearing: float | None
@@ -295,7 +290,7 @@ def check_options(scene: Scene, grid: CellOptions, by: str | None) -> None:
         raise ParameterError("by", f"{by!r} is unknown", "one of " + ", ".join(BY))
     if grid.voussoirs is None:
         _check_sizes(scene, grid)
-    elif grid.cell or grid.kind != "grid" or grid.own is not None:
+    elif grid.cell or grid.kind != "grid" or grid.polygons is not None:
         raise ParameterError("voussoirs", "it does not go with `cell` or `kind`", "one or the other")
     elif grid.bond not in ("running", "stack"):
         raise ParameterError("bond", f"{grid.bond!r} is no bond of voussoirs", "running or stack")
@@ -333,7 +328,7 @@ def check_options(scene: Scene, grid: CellOptions, by: str | None) -> None:
 def _check_sizes(scene: Scene, grid: CellOptions) -> None:
     """Raise ParameterError for options of a grid that are invalid or contradict each other."""
     cell, kind = grid.cell, grid.kind
-    if grid.own is not None and (kind != "grid" or scene.dimension == 3):
+    if grid.polygons is not None and (kind != "grid" or scene.dimension == 3):
         raise ParameterError("cells", "own cells are planar and of no kind", "a planar scene, without `kind`")
     if kind not in KINDS:
         raise ParameterError("kind", f"no cells are named {kind!r}", "one of " + ", ".join(KINDS))
@@ -355,7 +350,8 @@ def _check_sizes(scene: Scene, grid: CellOptions) -> None:
         raise ParameterError("kind", what, "`centre` x,y and `cell` THICKNESS,DEGREES")
 
 
-_LEAST: Final = 0.05  # share of a cell's area below which a piece joins its neighbour
+_LEAST: Final = 0.05  # share of a cell's area below which a piece joins its neighbour,
+_LARGEST_LEAST: Final = 0.2  # but at most this share of its element's area
 
 
 @dataclass(frozen=True)
@@ -463,24 +459,24 @@ def refine(
     check_options(scene, grid, by)
     assembly = build_assembly(scene)
     down = direction_of_weight(scene)
-    cut_up = _planar(assembly, grid, down) if assembly.dimension == 2 else _spatial(assembly, grid, down)
+    pieces = _planar(assembly, grid, down) if assembly.dimension == 2 else _spatial(assembly, grid, down)
     document = scene.model_dump(mode="json", exclude_defaults=True)
-    entries, parent, notes = _elements(scene, assembly, cut_up)
+    entries, parent, notes = _elements(scene, assembly, pieces)
     thickness = scene.grid.thickness if scene.grid is not None else scene.thickness
     for key in ("grid", "elements", "labels"):
         document.pop(key, None)
     if assembly.dimension == 2 and thickness is not None:
         document["thickness"] = thickness
-    document |= {"elements": entries, "loads": loads_of(document["loads"], assembly, cut_up)}
+    document |= {"elements": entries, "loads": loads_of(document["loads"], assembly, pieces)}
     if scene.members:
-        document["members"] = members_of(document["members"], assembly, cut_up)
+        document["members"] = members_of(document["members"], assembly, pieces)
     search = document.pop("search", {})
-    bare = faces_of(build_assembly(parse_scene(document, scene.name)))
-    document["labels"] = labels_of(assembly, bare, parent)
-    document["search"] = search_of(search, scene, assembly, bare, parent, by)
-    alone = sum(one.each for _, one in uncertain_values(scene) if isinstance(one, Uncertain))
-    if alone and any(len(parts) > 1 for parts in cut_up):
-        notes.append(f'each piece has values of its own for {alone} with "each": jld reliability counts more of them')
+    unlabelled = faces_of(build_assembly(parse_scene(document, scene.name)))
+    document["labels"] = labels_of(assembly, unlabelled, parent)
+    document["search"] = search_of(search, scene, assembly, unlabelled, parent, by)
+    count = sum(value.each for _, value in uncertain_values(scene) if isinstance(value, Uncertain))
+    if count and any(len(parts) > 1 for parts in pieces):
+        notes.append(f'each piece has values of its own for {count} with "each": jld reliability counts more of them')
     return Refined(parse_scene(document, scene.name), parent, tuple(notes))
 
 
@@ -492,14 +488,14 @@ def _planar(assembly: Assembly, grid: CellOptions, down: Floats) -> list[list[Pi
     cells, size, least = _cells(assembly, outlines, grid, down)
     shapes = [elements.shape[k] for k in free]
     fixed = [elements.shape[k] for k in np.flatnonzero(elements.support)]
-    split = split_by_cells([elements.ids[k] for k in free], shapes, fixed, cells, size, grid.snap)
-    found = [[Piece({"polygon": shape.tolist()}, 1.0)] for shape in elements.shape]
-    for k, parts in zip(free.tolist(), split, strict=True):
-        outline = outlines[k]
-        parts = join_small(parts, min(least, 0.2 * outline.area))
-        if len(parts) > 1:
-            found[k] = [Piece({"polygon": region_of(part).shell.tolist()}, part.area / outline.area) for part in parts]
-    return found
+    parts_of = split_by_cells([elements.ids[k] for k in free], shapes, fixed, cells, size, grid.snap)
+    pieces = [[Piece({"polygon": shape.tolist()}, 1.0)] for shape in elements.shape]
+    for k, parts in zip(free.tolist(), parts_of, strict=True):
+        area = outlines[k].area
+        joined = join_small(parts, min(least, _LARGEST_LEAST * area))
+        if len(joined) > 1:
+            pieces[k] = [Piece({"polygon": region_of(part).shell.tolist()}, part.area / area) for part in joined]
+    return pieces
 
 
 def _cells(
@@ -509,15 +505,15 @@ def _cells(
     elements, free = assembly.elements, assembly.elements.free
     if grid.voussoirs is not None:
         shapes = [elements.shape[k] for k in free]
-        whole = shapely.MultiPolygon([shapely.Polygon(r.shell, r.holes) for r in union_outlines(shapes)])
-        found = plugins.part("masonry").voussoirs.voussoir_cells(
-            whole, down, grid.voussoirs, grid.rings, grid.centre, grid.skew
+        outline = shapely.MultiPolygon([shapely.Polygon(r.shell, r.holes) for r in union_outlines(shapes)])
+        layout = plugins.part("masonry").voussoirs.voussoir_cells(
+            outline, down, grid.voussoirs, grid.rings, grid.centre, grid.skew
         )
-        return found.cells, min(found.width, found.depth), _LEAST * found.width * found.depth
+        return layout.cells, min(layout.width, layout.depth), _LEAST * layout.width * layout.depth
     lower, upper = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
     sizes = (grid.cell[0], grid.cell[-1])
-    if grid.own is not None:
-        return list(grid.own), min(sizes), _LEAST * sizes[0] * sizes[1]
+    if grid.polygons is not None:
+        return list(grid.polygons), min(sizes), _LEAST * sizes[0] * sizes[1]
     if grid.kind == "grid":
         return squares(lower, upper, sizes), min(sizes), _LEAST * sizes[0] * sizes[1]
     patterns = plugins.part("masonry").patterns
@@ -536,18 +532,18 @@ def _cells(
 def _spatial(assembly: Assembly, grid: CellOptions, down: Floats) -> list[list[Piece]]:
     """Cut all free spatial elements into pieces; `down`: (3,) direction of weight."""
     elements = assembly.elements
-    parts = _cut_of(assembly, grid, down)
-    found = []
+    cut_element = _cut_of(assembly, grid, down)
+    pieces = []
     for k, (vertices, faces) in enumerate(zip(elements.shape, elements.faces, strict=True)):
-        whole = [(vertices, faces)] if elements.support[k] else parts(k)
-        volumes = np.array([_volume(*part) for part in whole])
-        found.append(
+        solids = [(vertices, faces)] if elements.support[k] else cut_element(k)
+        volumes = np.array([_volume(*part) for part in solids])
+        pieces.append(
             [
                 Piece({"vertices": v.tolist(), "faces": [list(loop) for loop in f]}, float(share))
-                for (v, f), share in zip(whole, volumes / volumes.sum(), strict=True)
+                for (v, f), share in zip(solids, volumes / volumes.sum(), strict=True)
             ]
         )
-    return found
+    return pieces
 
 
 def _cut_of(assembly: Assembly, grid: CellOptions, down: Floats) -> Callable[[int], list[tuple[Floats, Faces]]]:
@@ -579,10 +575,7 @@ def _by_planes(assembly: Assembly, cell: tuple[float, ...]) -> Callable[[int], l
     lower = elements.lower[elements.free].min(axis=0)
     upper = elements.upper[elements.free].max(axis=0)
     counts = [int(np.ceil((upper[axis] - lower[axis]) / sizes[axis] - 1e-9)) for axis in range(3)]
-    if np.prod(np.array(counts, dtype=float)) > MOST:
-        raise ParameterError(
-            "cell", f"that makes {np.prod(np.array(counts, dtype=float)):.3g} cells", f"at most {MOST}"
-        )
+    refuse_more(math.prod(map(float, counts)))
     planes = [(np.eye(3)[axis], lower[axis] + sizes[axis] * np.arange(1, counts[axis])) for axis in range(3)]
 
     def parts(k: int) -> list[tuple[Floats, Faces]]:
@@ -611,38 +604,38 @@ def _volume(vertices: Floats, faces: Faces) -> float:
 
 
 def _elements(
-    scene: Scene, assembly: Assembly, cut_up: list[list[Piece]]
+    scene: Scene, assembly: Assembly, pieces: list[list[Piece]]
 ) -> tuple[list[dict[str, Any]], dict[str, str], list[str]]:
     """Write the scene entries of all pieces, with original elements and notes; InputError for an id taken."""
     elements = assembly.elements
-    given = {e.id: e.model_dump(mode="json", exclude_defaults=True) for e in scene.elements or []}
+    entry_of = {e.id: e.model_dump(mode="json", exclude_defaults=True) for e in scene.elements or []}
     entries, parent = [], {}
-    moved = 0
-    for k, parts in enumerate(cut_up):
+    lost = 0  # number of stated centroids
+    for k, parts in enumerate(pieces):
         name = elements.ids[k]
-        old = given.get(name, {})
+        original = entry_of.get(name, {})
         for number, part in enumerate(parts):
-            fresh = name if len(parts) == 1 else f"{name}.{number}"
+            piece_id = name if len(parts) == 1 else f"{name}.{number}"
             keys: dict[str, Any] = {}
             for key, share in (("density", 1.0), ("weight", part.share), ("volume", part.share)):
-                if key in old:
-                    keys[key] = _share(old[key], len(parts), f"element {name!r}.{key}", share)
-            if "centroid" in old and len(parts) == 1:
-                keys["centroid"] = old["centroid"]
+                if key in original:
+                    keys[key] = _share(original[key], len(parts), f"element {name!r}.{key}", share)
+            if "centroid" in original and len(parts) == 1:
+                keys["centroid"] = original["centroid"]
             if elements.support[k]:
                 keys["support"] = True
                 if elements.blocks[k] is not None:
                     keys["block"] = elements.blocks[k]
             else:
                 keys["block"] = elements.blocks[k] if elements.blocks[k] is not None else name
-            entries.append({"id": fresh, **part.keys, **keys})
-            parent[fresh] = name
-        moved += "centroid" in old and len(parts) > 1
-    notes = [f"{moved} given centroids are gone: pieces have those of their outlines"] if moved else []
-    taken = [entry["id"] for entry in entries]
-    if len(set(taken)) < len(taken):
-        twice = next(name for name in taken if taken.count(name) > 1)
-        raise InputError(f"element {twice!r}", "a piece would have the name of another element", "other ids")
+            entries.append({"id": piece_id, **part.keys, **keys})
+            parent[piece_id] = name
+        lost += "centroid" in original and len(parts) > 1
+    notes = [f"{lost} given centroids are gone: pieces have those of their outlines"] if lost else []
+    names = [entry["id"] for entry in entries]
+    if len(set(names)) < len(names):
+        repeated = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"element {repeated!r}", "a piece would have the name of another element", "other ids")
     return entries, parent, notes
 
 
@@ -678,10 +671,10 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
         Finer assembly, and the joint face of each of its faces.
     """
     # moving loads are stated case by case, on elements of the joint grid
-    placed = cases_of_scene(scene, assembly.elements) if scene.loads.moving else []
-    if placed:
-        stated = {"cases": [placement.case for placement in placed], "moving": None, "pushes": None}
-        scene = scene.model_copy(update={"loads": scene.loads.model_copy(update=stated)})
+    load_cases = cases_of_scene(scene, assembly.elements) if scene.loads.moving else []
+    if load_cases:
+        stated_cases = {"cases": [placement.case for placement in load_cases], "moving": None, "pushes": None}
+        scene = scene.model_copy(update={"loads": scene.loads.model_copy(update=stated_cases)})
     try:
         refined = refine(_at_means(scene), (cell,))
     except InputError as error:
@@ -689,10 +682,10 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
         raise InputError(where, error.problem, error.expected) from None
     if len(refined.parent) == len(assembly.elements):
         return CrackCells(assembly, np.arange(len(assembly.interfaces)))
-    plain = refined.scene.model_copy(update={"cracks": "faces"})
-    fine = build_robust(plain) if assembly.has_low_values else build_assembly(plain)
-    places = [placement.place for placement in placed] or [None] * len(fine.cases)
-    cases = tuple(replace(one, place=place) for one, place in zip(fine.cases, places, strict=True))
+    cells_alone = refined.scene.model_copy(update={"cracks": "faces"})
+    fine = build_robust(cells_alone) if assembly.has_low_values else build_assembly(cells_alone)
+    path_places = [placement.place for placement in load_cases] or [None] * len(fine.cases)
+    cases = tuple(replace(case, place=place) for case, place in zip(fine.cases, path_places, strict=True))
     return CrackCells(replace(fine, cases=cases), joint_faces(assembly, fine, refined.parent))
 
 
@@ -702,17 +695,19 @@ def _at_means(scene: Scene) -> Scene:
     if not any(any(True for _ in stated_values(getattr(scene, name))) for name in shared):
         return scene
     means = with_means(scene.model_dump(mode="json", exclude_defaults=True, include=shared))
-    whole = parse_scene(scene.model_dump(mode="json", exclude_defaults=True) | means, scene.name)
-    return scene.model_copy(update={"loads": whole.loads, "members": whole.members, "elements": whole.elements})
+    at_means = parse_scene(scene.model_dump(mode="json", exclude_defaults=True) | means, scene.name)
+    return scene.model_copy(
+        update={"loads": at_means.loads, "members": at_means.members, "elements": at_means.elements}
+    )
 
 
 def cells_of(assembly: Assembly, cell: float) -> CrackCells:
     """Split elements into cells under the assembly's loads, with joint faces; InputError if changed since built."""
     if assembly.scene is None:
         raise InputError("cracks", "cells are cut from a scene, and this assembly has none", "the scene itself")
-    whole = (build_robust if assembly.has_low_values else build_assembly)(assembly.scene)
+    rebuilt = (build_robust if assembly.has_low_values else build_assembly)(assembly.scene)
     # the assembly is that of the scene, or of one of its load cases
-    for case, candidate in ((None, whole), *enumerate(whole.by_case)):
+    for case, candidate in ((None, rebuilt), *enumerate(rebuilt.by_case)):
         if len(candidate.cases) == len(assembly.cases) and _same(candidate, assembly):
             cells = crack_cells(assembly.scene, assembly, cell)
             return cells if case is None or cells.fine is assembly else replace(cells, fine=cells.fine.by_case[case])
@@ -723,13 +718,13 @@ def cells_of(assembly: Assembly, cell: float) -> CrackCells:
     )
 
 
-def _same(one: Assembly, other: Assembly) -> bool:
+def _same(first: Assembly, second: Assembly) -> bool:
     """Return True if two assemblies have the same elements, loads and strengths."""
-    pairs = [(one.face_strengths.table(), other.face_strengths.table())]
-    for a, b in ((one, other), *zip(one.by_case, other.by_case, strict=True)):
+    pairs = [(first.face_strengths.table(), second.face_strengths.table())]
+    for a, b in ((first, second), *zip(first.by_case, second.by_case, strict=True)):
         pairs += [(a.dead, b.dead), (a.live, b.live)]
-    alike = one.elements.ids == other.elements.ids
-    return alike and all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+    same_ids = first.elements.ids == second.elements.ids
+    return same_ids and all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 
 
 def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Ints:

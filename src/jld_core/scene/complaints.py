@@ -31,13 +31,13 @@ def first_complaint(error: ValidationError, model: type[BaseModel], known: Itera
     """Return the most informative of pydantic's errors as an InputError with its key path."""
     complaints = error.errors(include_url=False)
 
-    def weight(complaint: ErrorDetails) -> tuple[int, bool, bool]:
+    def weight(candidate: ErrorDetails) -> tuple[int, bool, bool]:
         """Return the sort key of an error: path length, unknown key, content before type."""
-        kind = complaint["type"]
-        return len(_keys(complaint)), kind == "extra_forbidden", not _is_of_form(kind)
+        kind = candidate["type"]
+        return len(_keys(candidate)), kind == "extra_forbidden", not _is_of_form(kind)
 
-    chosen = max(complaints, key=weight)
-    keys, kind, context = _keys(chosen), chosen["type"], chosen.get("ctx", {})
+    complaint = max(complaints, key=weight)
+    keys, kind, context = _keys(complaint), complaint["type"], complaint.get("ctx", {})
     where = "".join(f"[{key}]" if isinstance(key, int) else f".{plain(key)}" for key in keys).lstrip(".")
     if kind == "value_error" and isinstance(cause := context["error"], InputError):
         return InputError((where + cause.where).lstrip("."), cause.problem, cause.expected)
@@ -47,23 +47,25 @@ def first_complaint(error: ValidationError, model: type[BaseModel], known: Itera
     if kind == "extra_forbidden":
         names = [*(known if owner is model else ()), *_fields_by_key(owner)]
         names = list(dict.fromkeys(names))
-        near = get_close_matches(str(keys[-1]), names, 1)
-        listed = ", ".join(names)
-        return InputError(where, "unknown key", f'"{near[0]}", or another of {listed}' if near else f"one of {listed}")
+        similar = get_close_matches(str(keys[-1]), names, 1)
+        text = ", ".join(names)
+        return InputError(
+            where, "unknown key", f'"{similar[0]}", or another of {text}' if similar else f"one of {text}"
+        )
     if kind == "missing":
         return InputError(where, "missing", meaning or "this key to be given")
-    value = chosen.get("input")
+    value = complaint.get("input")
     if meaning and _is_of_form(kind):
         return InputError(where, f"{shown(value)} is wrong", meaning)
     if kind in ("too_short", "too_long", "string_too_short"):
-        least = kind != "too_long"
-        size = f"at least {context['min_length']}" if least else f"at most {context['max_length']}"
+        too_few = kind != "too_long"
+        size = f"at least {context['min_length']}" if too_few else f"at most {context['max_length']}"
         number = len(value) if isinstance(value, list | str) else 0
         plural, singular = ("letters", "letter") if kind.startswith("string") else ("entries", "entry")
-        what = singular if number == 1 else plural
-        return InputError(where, f"it has {number} {what}", size + (f": {meaning}" if meaning else ""))
+        noun = singular if number == 1 else plural
+        return InputError(where, f"it has {number} {noun}", size + (f": {meaning}" if meaning else ""))
     # a value of a form that is allowed, but out of its bounds, is told the bounds, not the other forms
-    forms = [c for c in complaints if _keys(c) == keys and _is_of_form(c["type"])] if _is_of_form(kind) else [chosen]
+    forms = [c for c in complaints if _keys(c) == keys and _is_of_form(c["type"])] if _is_of_form(kind) else [complaint]
     expected = " or ".join(dict.fromkeys(_expected_in_words(c) for c in forms))
     return InputError(where, f"{shown(value)} is wrong", expected)
 
@@ -116,8 +118,8 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     """Return the first pydantic model within a type annotation, or None."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    found = (_model_in(inner) for inner in get_args(annotation))
-    return next((inner for inner in found if inner is not None), None)
+    models = (_model_in(argument) for argument in get_args(annotation))
+    return next((argument for argument in models if argument is not None), None)
 
 
 def plain(key: str) -> str:
@@ -127,5 +129,5 @@ def plain(key: str) -> str:
 
 def shown(value: object) -> str:
     """Return a value as JSON text for a message, cut to 40 characters."""
-    text = json.dumps(value, default=lambda one: type(one).__name__, skipkeys=True)
+    text = json.dumps(value, default=lambda item: type(item).__name__, skipkeys=True)
     return text if len(text) <= 40 else text[:37] + "..."

@@ -35,27 +35,27 @@ class FieldCracks(Part):
 CrackModel = Literal["faces"] | CellCracks | FieldCracks  # how blocks crack
 
 
-def cracks_by_kind(given: Any) -> Any:
+def cracks_by_kind(value: Any) -> Any:
     """Validate the value of the key "cracks" by its kind, for error messages about the kind meant."""
-    if given == "faces" or isinstance(given, CellCracks | FieldCracks):
-        return given
-    kind = given.get("kind") if isinstance(given, dict) else None
+    if value == "faces" or isinstance(value, CellCracks | FieldCracks):
+        return value
+    kind = value.get("kind") if isinstance(value, dict) else None
     models: dict[Any, type[Part]] = {"cells": CellCracks, "fields": FieldCracks}
     if not isinstance(kind, str) or kind not in models:
-        raise InputError("", f"{shown(given)} is wrong", FORMS)
+        raise InputError("", f"{shown(value)} is wrong", FORMS)
     try:
-        return models[kind].model_validate(given)
+        return models[kind].model_validate(value)
     except ValidationError as error:
-        found = first_complaint(error, models[kind])
-        raise InputError(f".{found.where}" if found.where else "", found.problem, found.expected) from None
+        first = first_complaint(error, models[kind])
+        raise InputError(f".{first.where}" if first.where else "", first.problem, first.expected) from None
 
 
-def cracks_of(given: Any) -> CrackModel:
+def cracks_of(value: Any) -> CrackModel:
     """Return the crack model that a text, a value of the key "cracks" or a crack model names."""
-    if isinstance(given, str):
-        return parse_cracks(given)
+    if isinstance(value, str):
+        return parse_cracks(value)
     try:
-        model: CrackModel = cracks_by_kind(given)
+        model: CrackModel = cracks_by_kind(value)
     except InputError as error:
         raise ParameterError("cracks", error.problem, error.expected) from None
     return model

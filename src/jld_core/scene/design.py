@@ -48,13 +48,13 @@ class Design(Part):
     @model_validator(mode="after")
     def _known_or_complete(self) -> Self:
         """Check that an own set states its actions, and that favourable factors are not larger."""
-        given = self.factors
-        if self.set not in _NAMED and (given.self_weight is None or given.live is None):
-            known = ", ".join(_NAMED)
+        factors = self.factors
+        if self.set not in _NAMED and (factors.self_weight is None or factors.live is None):
+            names = ", ".join(_NAMED)
             problem = f"no set is named {self.set!r}, and no own one is stated"
-            raise InputError(".set", problem, f'one of {known}, or "factors" with "self_weight" and "live"')
+            raise InputError(".set", problem, f'one of {names}, or "factors" with "self_weight" and "live"')
         for name in ("self_weight", "dead", "prestressing"):
-            pair = getattr(given, name)
+            pair = getattr(factors, name)
             if pair is not None and pair[0] > pair[1]:
                 raise InputError(f".factors.{name}", f"{pair[0]:g} exceeds {pair[1]:g}", "[favourable, unfavourable]")
         return self
@@ -84,12 +84,12 @@ class PartialFactors:
         return self.name == EQUILIBRIUM
 
     def to_json(self) -> dict[str, object]:
-        found: dict[str, object] = {"set": self.name}
-        for one in fields(self)[1:-1]:
-            value = getattr(self, one.name)
+        document: dict[str, object] = {"set": self.name}
+        for field in fields(self)[1:-1]:
+            value = getattr(self, field.name)
             numbers = list(value) if isinstance(value, tuple) else value
-            found[one.name] = {"factor": numbers, "source": self.clauses[one.name]}
-        return found
+            document[field.name] = {"factor": numbers, "source": self.clauses[field.name]}
+        return document
 
 
 STATED: Final = "stated in the scene"
@@ -129,26 +129,26 @@ _STEEL: Final = 1.15  # γM of reinforcing and prestressing steel: EN 1996-1-1:2
 
 def partial_factors(design: Design | None, name: str | None = None) -> PartialFactors:
     """Return the partial factors of a design check; raise ParameterError of `set` if no set has this name."""
-    own = design or Design()
-    chosen = own.set if name is None else name
-    if chosen not in _NAMED and chosen != own.set:
-        raise ParameterError("set", f"no set of partial factors is named {chosen!r}", "one of " + ", ".join(_NAMED))
-    found = _NAMED.get(chosen) or replace(_of_actions(chosen, STATED, (1.0, 1.0), 1.0), prestressing=(1.0, 1.0))
-    if chosen not in _NAMED:
-        found = replace(found, clauses={**found.clauses, "prestressing": UNREDUCED})
-    if chosen == "EN 1996-1-1":
-        found = _with_masonry(found, own)
-    given = {key: value for key, value in own.factors.model_dump().items() if value is not None}
-    if chosen not in _NAMED and "dead" not in given:
-        given["dead"] = given["self_weight"]
-    numbers: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
-    return replace(found, **numbers, clauses={**found.clauses, **dict.fromkeys(given, STATED)})
+    design = design or Design()
+    set_name = design.set if name is None else name
+    if set_name not in _NAMED and set_name != design.set:
+        raise ParameterError("set", f"no set of partial factors is named {set_name!r}", "one of " + ", ".join(_NAMED))
+    factors = _NAMED.get(set_name) or replace(_of_actions(set_name, STATED, (1.0, 1.0), 1.0), prestressing=(1.0, 1.0))
+    if set_name not in _NAMED:
+        factors = replace(factors, clauses={**factors.clauses, "prestressing": UNREDUCED})
+    if set_name == "EN 1996-1-1":
+        factors = _with_masonry(factors, design)
+    stated = {key: value for key, value in design.factors.model_dump().items() if value is not None}
+    if set_name not in _NAMED and "dead" not in stated:
+        stated["dead"] = stated["self_weight"]
+    numbers: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in stated.items()}
+    return replace(factors, **numbers, clauses={**factors.clauses, **dict.fromkeys(stated, STATED)})
 
 
-def _with_masonry(found: PartialFactors, design: Design) -> PartialFactors:
+def _with_masonry(factors: PartialFactors, design: Design) -> PartialFactors:
     """Return a set with γM of masonry and of steel by EN 1996-1-1."""
-    value = _MASONRY[design.units, design.mortar][design.execution - 1]
+    gamma = _MASONRY[design.units, design.mortar][design.execution - 1]
     table = "EN 1996-1-1, 2.4.3(1)"
-    clauses = {**found.clauses, "strength": table, "friction": f"{table} and 3.6.2(3), fv as a whole"}
+    clauses = {**factors.clauses, "strength": table, "friction": f"{table} and 3.6.2(3), fv as a whole"}
     clauses["members"] = f"{table}, row E"
-    return replace(found, strength=value, friction=value, members=_STEEL, clauses=clauses)
+    return replace(factors, strength=gamma, friction=gamma, members=_STEEL, clauses=clauses)

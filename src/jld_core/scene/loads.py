@@ -65,11 +65,11 @@ class FacePlace(Part):
     patch: Annotated[list[Vector] | None, Field(min_length=3, description="a list of at least three points")] = None
 
     @model_validator(mode="after")
-    def _one(self) -> Self:
+    def _one_place(self) -> Self:
         """Check that exactly one of the places is given."""
-        given = [key for key in ("between", "along", "patch") if getattr(self, key) is not None]
-        if len(given) != 1:
-            problem = f'"{given[1]}" is given together with "{given[0]}"' if given else "it names no place"
+        places = [key for key in ("between", "along", "patch") if getattr(self, key) is not None]
+        if len(places) != 1:
+            problem = f'"{places[1]}" is given together with "{places[0]}"' if places else "it names no place"
             expected = f'"between": [element, "{OUTSIDE}"], or "along" or "patch" with points'
             raise InputError("", problem, expected)
         return self
@@ -92,13 +92,13 @@ class FaceLoad(Part):
     @model_validator(mode="after")
     def _one_load(self) -> Self:
         """Check that one load is given, and a place that suits it."""
-        given = [key for key in ("pressure", "line", "traction") if getattr(self, key) is not None]
-        if len(given) != 1:
-            if not given:
+        loads = [key for key in ("pressure", "line", "traction") if getattr(self, key) is not None]
+        if len(loads) != 1:
+            if not loads:
                 raise InputError(".pressure", "missing", 'a force per area, or "line" or "traction"')
-            raise InputError(f".{given[1]}", f'it is given together with "{given[0]}"', "one of both")
+            raise InputError(f".{loads[1]}", f'it is given together with "{loads[0]}"', "one of both")
         for key, place in (("line", "along"), ("traction", "patch")):
-            if given == [key] and getattr(self.face, place) is None:
+            if loads == [key] and getattr(self.face, place) is None:
                 raise InputError(f".{key}", f'it is given without "{place}"', f'"face" with "{place}"')
         return self
 
@@ -178,23 +178,23 @@ def _tell_the_kinds_apart(entries: Any, info: ValidationInfo) -> Any:
         if isinstance(entry, PointLoad | BodyLoad | FaceLoad | FillLoad | TiltLoad):
             kinds.append(entry)
             continue
-        body = isinstance(entry, dict) and "body" in entry
+        is_body_load = isinstance(entry, dict) and "body" in entry
         kind = next((kind for key, kind in forms.items() if isinstance(entry, dict) and key in entry), PointLoad)
-        if body and len(entry) > 1:
-            other = next(key for key in entry if key != "body")
+        if is_body_load and len(entry) > 1:
+            extra = next(key for key in entry if key != "body")
             raise InputError(
                 f"[{index}]",
-                f'"{other}" is given together with "body"',
+                f'"{extra}" is given together with "body"',
                 "a body load alone, others in entries of their own",
             )
         try:
             kinds.append(kind.model_validate(entry))
         except ValidationError as error:
-            alone = [key for key in forms if key in ("body", "tilt")]
-            known = (*alone, *FaceLoad.model_fields, *FillLoad.model_fields, *PointLoad.model_fields)
-            found = first_complaint(error, kind, known)
-            where = f"[{index}]" + (f".{found.where}" if found.where else "")
-            raise InputError(where, found.problem, found.expected) from None
+            whole_structure = [key for key in forms if key in ("body", "tilt")]
+            keys = (*whole_structure, *FaceLoad.model_fields, *FillLoad.model_fields, *PointLoad.model_fields)
+            complaint = first_complaint(error, kind, keys)
+            where = f"[{index}]" + (f".{complaint.where}" if complaint.where else "")
+            raise InputError(where, complaint.problem, complaint.expected) from None
     return kinds
 
 
@@ -283,25 +283,25 @@ class Loads(Part):
     @model_validator(mode="after")
     def _one_or_several(self) -> Self:
         """Check that live loads are given, or load cases, moving loads or pushes."""
-        several = next((key for key in ("cases", "moving", "pushes") if getattr(self, key) is not None), "")
-        if self.live is None and not several:
+        kind = next((key for key in ("cases", "moving", "pushes") if getattr(self, key) is not None), "")
+        if self.live is None and not kind:
             raise InputError(".live", "missing", 'a list of loads that are multiplied by λ, or "cases"')
-        if self.live is not None and several:
-            raise InputError(".live", f'it is given together with "{several}"', "the live loads of each case inside it")
+        if self.live is not None and kind:
+            raise InputError(".live", f'it is given together with "{kind}"', "the live loads of each case inside it")
         for key, live, dead in self._tilted():
             if len(live) > 1:
                 raise InputError(key, "a tilt stands beside other live loads", "the tilt alone")
             if dead:
                 raise InputError(key, "a tilt turns weights alone, and there are dead loads", "weights of elements")
         require_unique_names(".cases", [case.name for case in self.cases or []])
-        require_unique_names(".moving", [one.name for one in self.moving or []])
+        require_unique_names(".moving", [load.name for load in self.moving or []])
         return self
 
     def _tilted(self) -> list[tuple[str, _Entries, _Dead]]:
         """Return key, live and dead loads of each case that tilts."""
-        found = [(".live", self.live or [], self.dead)]
-        found += [(f".cases[{k}].live", case.live, self.dead + case.dead) for k, case in enumerate(self.cases or [])]
-        return [one for one in found if any(isinstance(entry, TiltLoad) for entry in one[1])]
+        cases = [(".live", self.live or [], self.dead)]
+        cases += [(f".cases[{k}].live", case.live, self.dead + case.dead) for k, case in enumerate(self.cases or [])]
+        return [case for case in cases if any(isinstance(entry, TiltLoad) for entry in case[1])]
 
     @property
     def tilts(self) -> bool:

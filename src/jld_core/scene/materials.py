@@ -29,13 +29,13 @@ class StatedMaterial(Part):
     @model_validator(mode="after")
     def _criterion_alone(self) -> Self:
         """Check that a criterion or surface stands alone, and parameters with a criterion."""
-        own = {"surface"} if self.surface is not None else {"criterion", "parameters"}
-        others = sorted(self.model_fields_set - own)
-        if self.surface is not None and others:
-            raise InputError(f".{others[0]}", "it stands beside a yield surface, which says all", '"surface" alone')
-        if self.criterion is not None and others:
+        allowed = {"surface"} if self.surface is not None else {"criterion", "parameters"}
+        foreign = sorted(self.model_fields_set - allowed)
+        if self.surface is not None and foreign:
+            raise InputError(f".{foreign[0]}", "it stands beside a yield surface, which says all", '"surface" alone')
+        if self.criterion is not None and foreign:
             raise InputError(
-                f".{others[0]}", f'it is no part of the criterion "{self.criterion}"', '"parameters" alone'
+                f".{foreign[0]}", f'it is no part of the criterion "{self.criterion}"', '"parameters" alone'
             )
         if self.criterion is None and self.parameters:
             raise InputError(".parameters", 'they belong to a "criterion", which is missing', '"criterion"')
@@ -57,8 +57,8 @@ class Dry(StatedMaterial):
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
         if self.named is None and (self.friction_angle is None) == (self.friction_coefficient is None):
-            how = "friction is missing" if self.friction_angle is None else "friction is given twice"
-            raise InputError("", how, 'exactly one of "friction_angle" and "friction_coefficient"')
+            problem = "friction is missing" if self.friction_angle is None else "friction is given twice"
+            raise InputError("", problem, 'exactly one of "friction_angle" and "friction_coefficient"')
         return self
 
 
@@ -199,7 +199,7 @@ class Fill(Part):
         """Return Rankine's coefficient of passive pressure; the active one is its reciprocal."""
         return math.tan(math.pi / 4.0 + math.radians(self.friction_angle) / 2.0) ** 2
 
-    def held(self, coefficient: float) -> float:
+    def cohesive_pressure(self, coefficient: float) -> float:
         """Return the pressure by which cohesion changes Rankine's pressure of a coefficient."""
         return 2.0 * self.cohesion * math.sqrt(coefficient)
 

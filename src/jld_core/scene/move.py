@@ -83,7 +83,8 @@ class Move(Part):
         low, high = self.angle
         if not 0.0 <= low < high <= 180.0:
             raise InputError(".angle", f"[{low:g}, {high:g}] are no bounds", "[least, most] from 0 to 180 degrees")
-        least, most = self.block_mass
-        if least is not None and most is not None and least > most:
-            raise InputError(".block_mass", f"the least, {least:g}, is above the most, {most:g}", "[least, most]")
+        least_mass, most_mass = self.block_mass
+        if least_mass is not None and most_mass is not None and least_mass > most_mass:
+            problem = f"the least, {least_mass:g}, is above the most, {most_mass:g}"
+            raise InputError(".block_mass", problem, "[least, most]")
         return self

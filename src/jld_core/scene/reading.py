@@ -63,9 +63,9 @@ def load_scene(path: str | Path | Mapping[str, Any]) -> Scene:
             text, parse_float=_float, parse_constant=_refuse_constant, object_pairs_hook=_refuse_twins
         )
     except json.JSONDecodeError as error:
-        what = error.msg.removesuffix(" at").lower()
+        reason = error.msg.removesuffix(" at").lower()
         problem = (
-            f"it is not JSON (line {error.lineno}, column {error.colno}: {what})" if text.strip() else "it is empty"
+            f"it is not JSON (line {error.lineno}, column {error.colno}: {reason})" if text.strip() else "it is empty"
         )
         raise InputError(str(path), problem, "one JSON object") from None
     except RecursionError:
@@ -124,9 +124,9 @@ def _as_json(value: Any, depth: int = 0) -> Any:
     if depth > _DEPTH:  # refused afterwards
         return value
     if isinstance(value, Mapping):
-        return {key: _as_json(one, depth + 1) for key, one in value.items()}
+        return {key: _as_json(item, depth + 1) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [one if type(one) in _PLAIN else _as_json(one, depth + 1) for one in value]
+        return [item if type(item) in _PLAIN else _as_json(item, depth + 1) for item in value]
     return value
 
 
@@ -135,8 +135,8 @@ def at_low(scene: Scene) -> Scene:
     document = scene.model_dump(mode="json", exclude_defaults=True)
     low = document | {key: lowered(document[key]) for key in ("materials", "interfaces", "members") if key in document}
     if low == document:
-        given = '{"nominal": …, "low": …} for friction or a strength'
-        raise ParameterError("robust", "no material value of the scene has a low one", given)
+        expected = '{"nominal": …, "low": …} for friction or a strength'
+        raise ParameterError("robust", "no material value of the scene has a low one", expected)
     return parse_scene(low, "the scene at its low values")
 
 
@@ -155,12 +155,12 @@ def _float(text: str) -> float:
 
 def _refuse_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return an object's pairs as a dict; raise InputError for a repeated key."""
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for key, value in pairs:
-        if key in found:
+        if key in result:
             raise InputError(key, "the key is given twice in one object", "each key once")
-        found[key] = value
-    return found
+        result[key] = value
+    return result
 
 
 _DEPTH = 64  # largest depth of nesting of a scene file
@@ -177,22 +177,22 @@ def _refuse_extremes(document: object) -> None:
     # Refused are excessive depth, numbers outside `_LEAST` to `_MOST`, and unpaired surrogates.
     pending: list[tuple[_Path, object, int]] = [(None, document, 0)]
     while pending:
-        where, value, depth = pending.pop()
+        path, value, depth = pending.pop()
         if depth > _DEPTH:
-            short = _words(where)
-            short = short if len(short) <= 40 else short[:37] + "..."
-            raise InputError(short, "it is nested too deeply", f"at most {_DEPTH} levels")
+            place = _words(path)
+            place = place if len(place) <= 40 else place[:37] + "..."
+            raise InputError(place, "it is nested too deeply", f"at most {_DEPTH} levels")
         if isinstance(value, dict):
             for key in value:
-                _refuse_surrogates(where, key)
-            pending += [((where, key), inner, depth + 1) for key, inner in value.items()]
+                _refuse_surrogates(path, key)
+            pending += [((path, key), inner, depth + 1) for key, inner in value.items()]
         elif isinstance(value, list):
-            pending += [((where, index), inner, depth + 1) for index, inner in enumerate(value)]
+            pending += [((path, index), inner, depth + 1) for index, inner in enumerate(value)]
         elif isinstance(value, str):
-            _refuse_surrogates(where, value)
+            _refuse_surrogates(path, value)
         elif isinstance(value, int | float) and value == value and value and not _LEAST <= abs(value) <= _MOST:
-            shown = f"{value:g}" if isinstance(value, float) else f"a number of {len(str(abs(value)))} digits"
-            raise InputError(_words(where), f"{shown} is out of range", _NUMBERS)
+            text = f"{value:g}" if isinstance(value, float) else f"a number of {len(str(abs(value)))} digits"
+            raise InputError(_words(path), f"{text} is out of range", _NUMBERS)
 
 
 def _words(path: _Path) -> str:

@@ -88,12 +88,12 @@ class Element(Part):
     def _one_form(self) -> Self:
         """Check that exactly one form of geometry is given, with valid indices and dimensions."""
         if (self.polygon is None) == (self.vertices is None):
-            how = "both are" if self.polygon is not None else "neither is"
-            wanted = '"polygon", or "vertices" with "faces"'
-            raise InputError("", f'of "polygon" and "vertices" {how} given', wanted)
+            which = "both are" if self.polygon is not None else "neither is"
+            expected = '"polygon", or "vertices" with "faces"'
+            raise InputError("", f'of "polygon" and "vertices" {which} given', expected)
         if (self.vertices is None) != (self.faces is None):
-            lone = "faces" if self.vertices is None else "vertices"
-            raise InputError("", f'"{lone}" is given alone', '"vertices" and "faces" together, or "polygon"')
+            key = "faces" if self.vertices is None else "vertices"
+            raise InputError("", f'"{key}" is given alone', '"vertices" and "faces" together, or "polygon"')
         if self.vertices is not None and self.faces is not None:
             for face in self.faces:
                 if bad := [i for i in face if not 0 <= i < len(self.vertices)]:
@@ -202,23 +202,23 @@ class Scene(Part, Showable):
     def _one_geometry(self) -> Self:
         """Check that the geometry is given once, in one dimension, and that names are unique."""
         if (self.grid is None) == (self.elements is None):
-            how = "missing" if self.grid is None else "given twice"
-            raise InputError("", f"the geometry is {how}", 'exactly one of "grid" and "elements"')
+            state = "missing" if self.grid is None else "given twice"
+            raise InputError("", f"the geometry is {state}", 'exactly one of "grid" and "elements"')
         if self.grid is not None and self.thickness is not None:
             raise InputError(".thickness", 'it is given together with "grid"', 'the thickness inside "grid"')
         if self.loads.tilts:
-            beside = {"fill": self.fill is not None, "members": any(member.prestress for member in self.members)}
-            for key in (key for key, stands in beside.items() if stands):
+            has_force = {"fill": self.fill is not None, "members": any(member.prestress for member in self.members)}
+            for key in (key for key, present in has_force.items() if present):
                 raise InputError(f".{key}", "it has forces that do not turn on a tilting table", "no tilt")
         require_unique_names(".settlements", [settlement.name for settlement in self.settlements])
         require_unique_names(".members", [member.name for member in self.members if member.name is not None])
         if self.elements is not None:
             planar = [element.polygon is not None for element in self.elements]
             if any(planar) and not all(planar):
-                odd = planar.index(not planar[0])
+                position = planar.index(not planar[0])
                 kinds = ("planar", "spatial") if planar[0] else ("spatial", "planar")
                 raise InputError(
-                    f".elements[{odd}]",
+                    f".elements[{position}]",
                     f"it is {kinds[1]} and the ones before are {kinds[0]}",
                     "elements of one dimension",
                 )
@@ -247,11 +247,11 @@ class Scene(Part, Showable):
         if self.loads.pushes is None:
             del content["loads"]["pushes"]
         sides = [content["materials"], *content["materials"]["faces"]]
-        for own in [side[label] for side in sides for label in ("dry", "inner") if side[label] is not None]:
-            if own["surface"] is None:
-                del own["surface"]
-        dry = [side["dry"] for side in sides]
-        for one in dry:  # the same for joints without bond
-            if one is not None and not one["tensile_strength"]:
-                del one["tensile_strength"]
+        for material in [side[label] for side in sides for label in ("dry", "inner") if side[label] is not None]:
+            if material["surface"] is None:
+                del material["surface"]
+        joints = [side["dry"] for side in sides]
+        for joint in joints:  # the same for joints without bond
+            if joint is not None and not joint["tensile_strength"]:
+                del joint["tensile_strength"]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

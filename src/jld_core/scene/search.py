@@ -55,10 +55,10 @@ class Front(Part):
 
     @model_validator(mode="before")
     @classmethod
-    def _first_of_counts(cls, given: Any) -> Any:
-        if isinstance(given, dict) and isinstance(given.get("counts"), list) and given["counts"]:
-            return {"count": given["counts"][0], **given}
-        return given
+    def _first_of_counts(cls, document: Any) -> Any:
+        if isinstance(document, dict) and isinstance(document.get("counts"), list) and document["counts"]:
+            return {"count": document["counts"][0], **document}
+        return document
 
     @model_validator(mode="after")
     def _agree(self) -> Self:

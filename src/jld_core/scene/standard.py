@@ -45,12 +45,12 @@ PARAMETERS: Final = (  # all that units, scenes, design values, samples and page
 )
 
 STRESS_KEYS: Final = tuple(  # keys of materials that hold strengths, which are stresses
-    dict.fromkeys(one.key for one in sorted(PARAMETERS, key=lambda one: one.side == "crush") if one.side != "friction")
+    dict.fromkeys(p.key for p in sorted(PARAMETERS, key=lambda p: p.side == "crush") if p.side != "friction")
 )
 
 
 SURFACE: Final = "surface"  # key of a material, and name of the criterion that reads what stands there
-ENDS: Final = frozenset(one.field for one in PARAMETERS if math.isinf(one.absent))
+ENDS: Final = frozenset(p.field for p in PARAMETERS if math.isinf(p.absent))
 """Fields of `Strengths` that limit compression; inf where there is no limit."""
 
 

@@ -60,38 +60,38 @@ def is_uncertain(value: Any) -> bool:
 
 def read_uncertain(value: dict[str, Any], number: ValidatorFunctionWrapHandler, *, each: bool = True) -> Uncertain:
     """Validate an object {"mean", "cov", "kind"}; its mean must not be zero."""
-    cov, kind, own = _distribution(value, each=each)
+    cov, kind, for_each = _distribution(value, each=each)
     mean = number(value["mean"])
     if mean == 0.0:
         problem = f"a {kind} value of mean 0 has no coefficient of variation"
         raise InputError(".mean", problem, "a mean other than 0, or a number alone")
-    return Uncertain(mean, cov, kind, own)
+    return Uncertain(mean, cov, kind, for_each)
 
 
 def _distribution(value: dict[str, Any], *, each: bool) -> tuple[float, str, bool]:
     """Return coefficient of variation, kind and "each" of an object."""
     form = f"a number, or {_FORM}"
-    odd = next((key for key in value if key not in (*KEYS, *([EACH] if each else []))), None)
-    if odd is not None:
-        raise InputError(f".{odd}", "unknown key of a value with uncertainty", form)
-    lacking = next((key for key in KEYS if key not in value), None)
-    if lacking is not None:
-        raise InputError("", f'"{lacking}" of its distribution is missing', form)
-    cov, kind, own = value["cov"], value["kind"], value.get(EACH, False)
+    unknown = next((key for key in value if key not in (*KEYS, *([EACH] if each else []))), None)
+    if unknown is not None:
+        raise InputError(f".{unknown}", "unknown key of a value with uncertainty", form)
+    missing = next((key for key in KEYS if key not in value), None)
+    if missing is not None:
+        raise InputError("", f'"{missing}" of its distribution is missing', form)
+    cov, kind, for_each = value["cov"], value["kind"], value.get(EACH, False)
     if isinstance(cov, bool) or not isinstance(cov, int | float) or not math.isfinite(cov) or cov < 0.0:
         raise InputError(".cov", f"{shown(cov)} is wrong", "a coefficient of variation of at least 0")
     if kind not in KINDS:
-        raise InputError(".kind", f"{shown(kind)} is wrong", " or ".join(f'"{one}"' for one in KINDS))
-    if not isinstance(own, bool):
-        raise InputError(f".{EACH}", f"{shown(own)} is wrong", "true or false")
-    return float(cov), str(kind), own
+        raise InputError(".kind", f"{shown(kind)} is wrong", " or ".join(f'"{name}"' for name in KINDS))
+    if not isinstance(for_each, bool):
+        raise InputError(f".{EACH}", f"{shown(for_each)} is wrong", "true or false")
+    return float(cov), str(kind), for_each
 
 
 def written(value: Any) -> Any:
     """Return a value for JSON: an object for one with uncertainty, else unchanged."""
     if isinstance(value, Uncertain):
-        own = {EACH: True} if value.each else {}
-        return {"mean": float(value), "cov": value.cov, "kind": value.kind, **own}
+        each = {EACH: True} if value.each else {}
+        return {"mean": float(value), "cov": value.cov, "kind": value.kind, **each}
     return value
 
 
@@ -147,7 +147,7 @@ def _read_vector(value: Any, vector: ValidatorFunctionWrapHandler) -> Any:
         return value if isinstance(value, UncertainVector) else vector(value)
     cov, kind, _ = _distribution(value, each=False)
     mean = vector(value["mean"])
-    if any(isinstance(one, Uncertain) for one in mean):
+    if any(isinstance(component, Uncertain) for component in mean):
         raise InputError(".mean", "its components have distributions too", "one distribution, of size or components")
     if not any(mean):
         problem = f"a {kind} value of mean 0 has no coefficient of variation"
@@ -159,7 +159,7 @@ def _written_vector(value: Any) -> Any:
     """Return a vector for JSON, as it stood in the scene."""
     if isinstance(value, UncertainVector):
         return {"mean": list(value), "cov": value.size.cov, "kind": value.size.kind}
-    return None if value is None else [written(one) for one in value]
+    return None if value is None else [written(component) for component in value]
 
 
 Path = tuple[str | int, ...]  # keys and positions that lead to a value of a scene
@@ -173,16 +173,16 @@ def uncertain_values(part: Any) -> Iterator[tuple[Path, Uncertain | UncertainVec
 
 
 def stated_values(part: Any, path: Path = ()) -> Iterator[tuple[Path, Uncertain | UncertainVector]]:
-    """Yield the same with those of distributions of no width."""
+    """Yield what `uncertain_values` yields, and values whose distribution has no width."""
     if isinstance(part, Uncertain | UncertainVector):
         yield path, part
     elif isinstance(part, BaseModel):
         for name, field in type(part).model_fields.items():
             yield from stated_values(getattr(part, name), (*path, field.alias or name))
     elif isinstance(part, list):
-        for position, one in enumerate(part):
-            if isinstance(one, BaseModel | Uncertain):  # lists of lists hold coordinates: most of a large scene
-                yield from stated_values(one, (*path, position))
+        for position, entry in enumerate(part):
+            if isinstance(entry, BaseModel | Uncertain):  # lists of lists hold coordinates: most of a large scene
+                yield from stated_values(entry, (*path, position))
 
 
 def in_words(path: Path) -> str:
@@ -247,8 +247,8 @@ def _read(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
     if is_uncertain(value):
         return read_uncertain(value, number)
     if set(value) != set(_KEYS):
-        odd = next((key for key in value if key not in _KEYS), None)
-        problem = f'"{odd}" stands there' if odd is not None else "one of two values is missing"
+        unknown = next((key for key in value if key not in _KEYS), None)
+        problem = f'"{unknown}" stands there' if unknown is not None else "one of two values is missing"
         raise InputError("", problem, 'a number, or "nominal" and "low"')
     nominal, low = number(value["nominal"]), number(value["low"])
     if low > nominal:

@@ -112,8 +112,8 @@ class UnitSystem:
     def acceleration(self) -> float:
         """Return gravity in m/s²; its number is in m/s² where that is usual, else in the unit of length."""
         scaled = self.gravity * (self.length or 1.0)
-        usual = [one for one in (self.gravity, scaled) if USUAL_GRAVITY[0] <= one <= USUAL_GRAVITY[1]]
-        return usual[0] if usual else self.gravity
+        plausible = [value for value in (self.gravity, scaled) if USUAL_GRAVITY[0] <= value <= USUAL_GRAVITY[1]]
+        return plausible[0] if plausible else self.gravity
 
     @property
     def density(self) -> float:
@@ -123,9 +123,9 @@ class UnitSystem:
 
 def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
     """Convert the texts with units in a scene to numbers in its units, without copying unchanged lists."""
-    own = _names_of(document)
+    units = _names_of(document)
     return {
-        key: value if key == "units" else _convert(value, own, key, QUANTITIES.get(key))
+        key: value if key == "units" else _convert(value, units, key, QUANTITIES.get(key))
         for key, value in document.items()
     }
 
@@ -138,36 +138,38 @@ _SAWN: Final = ("sawn_length", "dry_length")  # in space areas
 
 def in_units(document: dict[str, Any], units: dict[str, str], dimension: int) -> dict[str, Any]:
     """Return a scene's materials, loads and search in units of other names, gravity in m/s²; all units are known."""
-    own = system_of(document)
-    other = UnitSystem.named(units["force"], units["length"], own.acceleration)
+    old = system_of(document)
+    new = UnitSystem.named(units["force"], units["length"], old.acceleration)
 
     def factor(powers: _Powers | None) -> float:
         if powers == _DENSITY:
-            return own.density / other.density
-        return 1.0 if powers is None else own.si(powers) / other.si(powers)
+            return old.density / new.density
+        return 1.0 if powers is None else old.si(powers) / new.si(powers)
 
-    def converted(value: Any, table: dict[str, float], times: float = 1.0) -> Any:
+    def converted(value: Any, table: dict[str, float], scale: float = 1.0) -> Any:
         if isinstance(value, list):
-            return [converted(inner, table, times) for inner in value]
+            return [converted(item, table, scale) for item in value]
         if isinstance(value, dict):
-            named = {name: factor(powers) for name, powers in powers_of(value.get("criterion")).items()}
+            of_parameters = {name: factor(powers) for name, powers in powers_of(value.get("criterion")).items()}
             return {
                 key: converted(
-                    inner, named if key == "parameters" else table, times if key in _SPREAD else table.get(key, 1.0)
+                    item,
+                    of_parameters if key == "parameters" else table,
+                    scale if key in _SPREAD else table.get(key, 1.0),
                 )
-                for key, inner in value.items()
+                for key, item in value.items()
             }
         number = isinstance(value, float | int) and not isinstance(value, bool)
-        return value * times if number and times != 1.0 else value
+        return value * scale if number and scale != 1.0 else value
 
-    known = {key: factor(powers) for key, powers in QUANTITIES.items()}
-    materials = {key: known[key] for key in ("density", "reference_strength", *STRESS_KEYS)}
+    factors = {key: factor(powers) for key, powers in QUANTITIES.items()}
+    materials = {key: factors[key] for key in ("density", "reference_strength", *STRESS_KEYS)}
     limits = {key: factor(powers) for key, powers in _LIMITS.items()}
     limits |= dict.fromkeys(_MASSES, factor(_DENSITY) * factor((0, 3)))
     limits |= dict.fromkeys(_SAWN, factor((0, dimension - 1)))
     tables = {
-        "materials": materials | {"gravity": own.acceleration / own.gravity if own.gravity else 1.0},
-        "loads": known,
+        "materials": materials | {"gravity": old.acceleration / old.gravity if old.gravity else 1.0},
+        "loads": factors,
         "search": limits,
     }
     return document | {part: converted(document[part], tables[part]) for part in tables if part in document}
@@ -203,79 +205,81 @@ def _gravity(materials: Any) -> float:
     return math.hypot(*numbers) if len(numbers) == len(parts) else GRAVITY
 
 
-def _convert(value: Any, own: _Names, where: str, powers: _Powers | None) -> Any:
+def _convert(value: Any, units: _Names, where: str, powers: _Powers | None) -> Any:
     """Convert the texts under keys of `QUANTITIES` in a value to numbers, recursively."""
     if isinstance(value, str) and powers is not None:
-        return _number(value, own, where, powers)
-    if isinstance(value, list) and powers is None and not any(isinstance(inner, dict) for inner in value):
+        return _number(value, units, where, powers)
+    if isinstance(value, list) and powers is None and not any(isinstance(item, dict) for item in value):
         return value  # coordinates: most of a large scene
     if isinstance(value, list):
-        return [_convert(inner, own, f"{where}[{index}]", powers) for index, inner in enumerate(value)]
+        return [_convert(item, units, f"{where}[{index}]", powers) for index, item in enumerate(value)]
     if isinstance(value, dict):
-        found = {
-            key: _convert(inner, own, f"{where}.{key}", powers if key in _SPREAD else QUANTITIES.get(key))
-            for key, inner in value.items()
+        converted = {
+            key: _convert(item, units, f"{where}.{key}", powers if key in _SPREAD else QUANTITIES.get(key))
+            for key, item in value.items()
             if key != "parameters"
         }
         if "parameters" in value:
-            found["parameters"] = _of_criterion(value["parameters"], value.get("criterion"), own, f"{where}.parameters")
-        return found
+            converted["parameters"] = _of_criterion(
+                value["parameters"], value.get("criterion"), units, f"{where}.parameters"
+            )
+        return converted
     return value
 
 
-def _of_criterion(parameters: Any, name: Any, own: _Names, where: str) -> Any:
+def _of_criterion(parameters: Any, name: Any, units: _Names, where: str) -> Any:
     """Convert the texts in parameters of a criterion by the units that it names, or by their keys."""
-    texts = isinstance(parameters, dict) and any(isinstance(one, str) for one in parameters.values())
+    texts = isinstance(parameters, dict) and any(isinstance(value, str) for value in parameters.values())
     powers = powers_of(name) if texts else {}
     if not powers:
-        return _convert(parameters, own, where, None)
-    return {key: _convert(inner, own, f"{where}.{key}", powers.get(key)) for key, inner in parameters.items()}
+        return _convert(parameters, units, where, None)
+    return {key: _convert(item, units, f"{where}.{key}", powers.get(key)) for key, item in parameters.items()}
 
 
 def powers_of(name: Any) -> dict[str, _Powers | None]:
     """Return what the parameters of a criterion are, by the words that it has for their units."""
-    known = isinstance(name, str) and name in plugins.entry_points("jld.criteria")
-    stated = getattr(plugins.load("jld.criteria", name), "parameters", ()) if known else ()
-    return {} if isinstance(stated, type) else {one.name: _WORDS.get(one.unit) for one in stated}
+    is_criterion = isinstance(name, str) and name in plugins.entry_points("jld.criteria")
+    parameters = getattr(plugins.load("jld.criteria", name), "parameters", ()) if is_criterion else ()
+    return {} if isinstance(parameters, type) else {p.name: _WORDS.get(p.unit) for p in parameters}
 
 
-def _number(text: str, own: _Names, where: str, powers: _Powers) -> float:
+def _number(text: str, units: _Names, where: str, powers: _Powers) -> float:
     """Convert a text with a number and a unit to a number in the units of the scene."""
     expected = f'a number, or a text such as "{_EXAMPLES[powers]}"'
-    found = _TEXT.fullmatch(text)
-    if found is None or not math.isfinite(float(found[1])):
+    match = _TEXT.fullmatch(text)
+    if match is None or not math.isfinite(float(match[1])):
         raise InputError(where, f"{shown(text)} is no number with a unit", expected)
-    number, unit = float(found[1]), found[2]
+    number, unit = float(match[1]), match[2]
     if unit is None:
         return number
-    for name, known in zip(own[:2], (NEWTONS, METRES), strict=True):
-        if name not in known:
+    for name, sizes in zip(units[:2], (NEWTONS, METRES), strict=True):
+        if name not in sizes:
             raise InputError(where, f"no unit is named {name!r}, one of the scene", "a number alone")
     # the unit is a product of factors "/name²": its size in SI units, and its powers of force and length
     size, force, length, has_mass = 1.0, 0, 0, False
     position = 0
     while position < len(unit):
         factor = _FACTOR.match(unit, position)
-        of_name = None if factor is None else _unit(factor[2])
-        if factor is None or of_name is None or (factor[1] == "/" and position == 0):
+        unit_of_factor = None if factor is None else _unit(factor[2])
+        if factor is None or unit_of_factor is None or (factor[1] == "/" and position == 0):
             raise InputError(where, f"no unit is named {unit!r}", expected)
         power = {"²": 2, "³": 3, None: 1}.get(factor[3]) or int(factor[3])
         power = -power if factor[1] == "/" else power
-        size_of_name, (force_power, length_power) = of_name
-        size *= size_of_name**power
+        size_of_factor, (force_power, length_power) = unit_of_factor
+        size *= size_of_factor**power
         has_mass = has_mass or factor[2] in MASSES
         force, length = force + power * force_power, length + power * length_power
         position = factor.end()
     if (force, length) != powers:
         raise InputError(where, f"{unit!r} is no unit of this quantity", expected)
     if powers != _DENSITY:
-        return number * size / own.system.si(powers)
+        return number * size / units.system.si(powers)
     # a mass per volume is a weight under standard gravity here; a weight per volume is divided by the scene's gravity
     if has_mass:
-        return number * size / GRAVITY / own.system.density
-    if own.gravity == 0.0:
+        return number * size / GRAVITY / units.system.density
+    if units.gravity == 0.0:
         raise InputError(where, f"without gravity {text.strip()!r} is no density", "a mass per volume")
-    return number * size / (own.gravity * own.system.si(_DENSITY))
+    return number * size / (units.gravity * units.system.si(_DENSITY))
 
 
 def _unit(name: str) -> tuple[float, _Powers] | None:

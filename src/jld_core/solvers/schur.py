@@ -450,14 +450,16 @@ class Newton:
     def _add_centring(self, direction: Direction, steps: tuple[float, float], target: float) -> Direction:
         """Add a corrector that brings complementarity products nearer to their target, for longer steps."""
         it, lam = self.it, self.scaling.point
-        of_forces, of_motion = (min(1.0, _LONGER[0] * length + _LONGER[1]) for length in steps)
+        force_step, motion_step = (min(1.0, _LONGER[0] * length + _LONGER[1]) for length in steps)
         low, high = (factor * target for factor in _CENTRAL)
 
-        def missing(product: Floats) -> Floats:
+        def correction(product: Floats) -> Floats:
+            """Return what a product lacks of the central range, at least −high."""
             return np.asarray(np.maximum(np.clip(product, low, high) - product, -high))
 
-        ds = missing((lam + of_forces * direction.ws) * (lam + of_motion * direction.wv))
-        dk = float(missing(np.array((it.tau + of_forces * direction.tau) * (it.kappa + of_forces * direction.kappa))))
+        ds = correction((lam + force_step * direction.ws) * (lam + motion_step * direction.wv))
+        tau, kappa = it.tau + force_step * direction.tau, it.kappa + force_step * direction.kappa
+        dk = float(correction(np.array(tau * kappa)))
         return self._add_weighted(direction, self.direction(0.0, ds, dk), steps)[0]
 
 

@@ -472,7 +472,7 @@ class _Layout:
         kinds, family = np.unique(sizes, axis=0, return_inverse=True)
         border = int((border_index >= 0).sum())
         families = []
-        for number, (k, rows, r, half_lines) in enumerate(kinds.tolist()):
+        for number, (k, rows, r, half_lines) in enumerate(kinds.tolist()):  # k columns and r equations of a face
             faces = np.flatnonzero(family == number)
             place_in_family = np.full(self.count + 1, -1)  # place of each face in this family, −1 elsewhere
             place_in_family[faces] = np.arange(len(faces))

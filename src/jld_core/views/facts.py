@@ -45,21 +45,21 @@ def advice(result: LimitAnalysisResult) -> dict[str, str]:
 
 def _of_unstable(result: LimitAnalysisResult) -> dict[str, str]:
     """Describe which elements fall and how, and a remedy; keys "falls" and "next"."""
-    found = {"next": "support what falls, or give its faces friction, a shear strength or an inner label"}
+    remedy = {"next": "support what falls, or give its faces friction, a shear strength or an inner label"}
     if result.instability_mechanism is None:
-        return {"falls": "it does under any λ ≥ 0; by which motion is not known", **found}
+        return {"falls": "it does under any λ ≥ 0; by which motion is not known", **remedy}
     assembly, d = result.assembly, result.assembly.dimension
     speed = result.instability_mechanism[:, :d]
     turning = np.linalg.norm(result.instability_mechanism[:, d:], axis=1) * assembly.size
     size = np.maximum(np.linalg.norm(speed, axis=1), turning)
     moving = np.flatnonzero(size > _MOVES * size.max(initial=0.0))
     moving = moving[np.argsort(-size[moving], kind="stable")]
-    way = _way(speed[moving].sum(axis=0), float(turning[moving].sum()))
-    words = f"{_list_names([assembly.elements.ids[k] for k in moving])} {way}, whatever the live load"
-    return {"falls": words + "; the motion is in the pictures of --out", **found}
+    motion = _motion_in_words(speed[moving].sum(axis=0), float(turning[moving].sum()))
+    words = f"{_list_names([assembly.elements.ids[k] for k in moving])} {motion}, whatever the live load"
+    return {"falls": words + "; the motion is in the pictures of --out", **remedy}
 
 
-def _way(speed: Floats, turning: float) -> str:
+def _motion_in_words(speed: Floats, turning: float) -> str:
     """Describe a motion: "turn", or "move along" a direction; speed: (d,) summed velocity of the moving elements."""
     length = float(np.linalg.norm(speed))
     if length < 0.1 * turning:
@@ -70,9 +70,9 @@ def _way(speed: Floats, turning: float) -> str:
 def _of_locked(result: LimitAnalysisResult) -> dict[str, str]:
     """Describe the supports between which forces are unbounded, and a remedy."""
     # The keys are "confined", absent without unbounded forces, and "next".
-    found = {"next": "a compressive_strength of dry and inner faces, which crushing then limits, gives a finite λ"}
+    remedy = {"next": "a compressive_strength of dry and inner faces, which crushing then limits, gives a finite λ"}
     if result.unbounded_forces is None:
-        return found
+        return remedy
     faces, support = result.assembly.interfaces, result.assembly.elements.support
     size = np.linalg.norm(result.unbounded_forces, axis=1)
     pressed = size > _CARRIES * size.max(initial=0.0)
@@ -82,7 +82,7 @@ def _of_locked(result: LimitAnalysisResult) -> dict[str, str]:
     words = (
         f"{between} {_list_names(names)}, through {int(pressed.sum())} faces: forces there grow with λ without an end"
     )
-    return {"confined": words, **found}
+    return {"confined": words, **remedy}
 
 
 def _of_open(result: LimitAnalysisResult) -> str:
@@ -90,19 +90,19 @@ def _of_open(result: LimitAnalysisResult) -> str:
     if result.friction == "zero-dilation":
         return "--range seeks the lowest and the highest λ from every side, each with its own evidence"
     low, high = result.bracket
-    others = _other_solvers(result)
-    solver = f"--solver {' or '.join(others)}" if others else "another --condense"
+    solvers = _other_solvers(result)
+    solver = f"--solver {' or '.join(solvers)}" if solvers else "another --condense"
     if math.isfinite(low) and math.isfinite(high):
         return f"{solver} may narrow the bracket"
-    lacking = " and ".join(w for w, end in (("lower", low), ("upper", high)) if not math.isfinite(end))
-    return f"no {lacking} bound was proven: {solver} may find one; so may strengths nearer to the forces"
+    missing = " and ".join(word for word, end in (("lower", low), ("upper", high)) if not math.isfinite(end))
+    return f"no {missing} bound was proven: {solver} may find one; so may strengths nearer to the forces"
 
 
 def _other_solvers(result: LimitAnalysisResult) -> list[str]:
     """Return the installed solvers that accept the program of a result and were not asked for it."""
     used = {name.split(" ")[0] for name in result.solve_log}
     structure = LimitAnalysis(result.assembly, inner_bending=result.model.inner_bending).template.structure
-    found = []
+    names = []
     for name in installed_solvers():
         if name == "auto" or name in used:
             continue
@@ -110,8 +110,8 @@ def _other_solvers(result: LimitAnalysisResult) -> list[str]:
             make_solver(name).require(structure)
         except SolverError:
             continue
-        found.append(name)
-    return found
+        names.append(name)
+    return names
 
 
 def _list_names(names: list[str]) -> str:
@@ -160,30 +160,30 @@ def facts_of_assembly(assembly: Assembly) -> dict[str, str]:
 def _loads(assembly: Assembly) -> dict[str, str]:
     """Describe dead and live loads, for each load case by its name."""
     length, force = assembly.units
-    found = {}
+    facts = {}
     names = [case.name for case in assembly.cases] or [""]
-    for name, required, one in zip(names, assembly.required, assembly.by_case, strict=True):
-        after = f" {name}" if name else ""
-        dead = resultants(one.dead_loads, one.elements)
-        found[f"dead load{after}"] = _load(resultant(dead, one.elements), force, length)
-        found[f"live load{after}"] = "λ × " + _load(resultant(one.live, one.elements), force, length)
+    for name, required, case in zip(names, assembly.required, assembly.by_case, strict=True):
+        suffix = f" {name}" if name else ""
+        dead = resultants(case.dead_loads, case.elements)
+        facts[f"dead load{suffix}"] = _load(resultant(dead, case.elements), force, length)
+        facts[f"live load{suffix}"] = "λ × " + _load(resultant(case.live, case.elements), force, length)
         if required != 1.0:
-            found[f"live load{after}"] += f", λ of {required:g} required"
-    return found
+            facts[f"live load{suffix}"] += f", λ of {required:g} required"
+    return facts
 
 
-def _load(sum_of: Resultant, force: str, length: str) -> str:
+def _load(total_load: Resultant, force: str, length: str) -> str:
     """Describe the resultant of a load: force, point of its line of action, remaining moment."""
-    moment = f"{sum_of.moment:.6g} {force}·{length}"
-    if sum_of.cancels:
-        cancel = f", forces of {sum_of.total:.6g} {force} cancel" if sum_of.total else ""
+    moment = f"{total_load.moment:.6g} {force}·{length}"
+    if total_load.cancels:
+        cancel = f", forces of {total_load.total:.6g} {force} cancel" if total_load.total else ""
         return f"a couple of {moment}{cancel}"
-    along = ", ".join(f"{x:.6g}" for x in sum_of.force)
-    through = ", ".join(f"{x:.6g}" for x in sum_of.point)
-    words = f"({along}) {force} through ({through}) {length}"
-    if sum_of.total > 1.000001 * float(np.linalg.norm(sum_of.force)):
-        words += f", of forces of {sum_of.total:.6g} {force} in all"
-    return words + (f", and {moment} about that line" if abs(sum_of.moment) > 1e-9 * sum_of.total else "")
+    components = ", ".join(f"{x:.6g}" for x in total_load.force)
+    point = ", ".join(f"{x:.6g}" for x in total_load.point)
+    words = f"({components}) {force} through ({point}) {length}"
+    if total_load.total > 1.000001 * float(np.linalg.norm(total_load.force)):
+        words += f", of forces of {total_load.total:.6g} {force} in all"
+    return words + (f", and {moment} about that line" if abs(total_load.moment) > 1e-9 * total_load.total else "")
 
 
 def _tensions(result: LimitAnalysisResult) -> dict[str, str]:
@@ -192,9 +192,10 @@ def _tensions(result: LimitAnalysisResult) -> dict[str, str]:
     if not assembly.members or result.forces is None:
         return {}
     values = tensions(assembly, result.forces).tolist()
-    shown = [f"{n} {v + 0.0:.6g}" for n, v in zip(assembly.members.names[:_MEMBERS], values, strict=False)]
-    left = len(values) - len(shown)
-    return {"tension": f"{', '.join(shown)} {assembly.units[1]}" + (f", and of {left} more members" if left else "")}
+    names = assembly.members.names[:_MEMBERS]
+    shown = [f"{name} {tension + 0.0:.6g}" for name, tension in zip(names, values, strict=False)]
+    others = f", and of {len(values) - len(shown)} more members" if len(values) > len(shown) else ""
+    return {"tension": f"{', '.join(shown)} {assembly.units[1]}{others}"}
 
 
 def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
@@ -220,8 +221,8 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
         else f"{result.load_factor:.12g}",
         "bracket": bracket + ("" if math.isnan(result.gap) else f"   (relative width {result.gap:.1e})"),
     }
-    for name, one in {"": result, **{f" {name}": one for name, one in result.cases.items()}}.items():
-        facts |= tilt_in_words(one.facts, name)
+    for name, case in {"": result, **{f" {name}": case for name, case in result.cases.items()}}.items():
+        facts |= tilt_in_words(case.facts, name)
     if result.reason:
         facts["reason"] = result.reason
     for note in result.notes:
@@ -238,9 +239,9 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
             + ("converged" if extra["converged"] else "not converged")
         )
         facts |= _range(extra)
-    for (name, one), required in zip(result.cases.items(), result.assembly.required, strict=False):
-        ends = " ".join("none" if math.isnan(end) else f"{end:.12g}" for end in one.bracket)
-        facts[f"λ {name}"] = f"{_shown(number(one.load_factor))} of {required:g} required ({one.status}, {ends})"
+    for (name, case), required in zip(result.cases.items(), result.assembly.required, strict=False):
+        ends = " ".join("none" if math.isnan(end) else f"{end:.12g}" for end in case.bracket)
+        facts[f"λ {name}"] = f"{_shown(number(case.load_factor))} of {required:g} required ({case.status}, {ends})"
     if "load_factor_nominal" in result.facts:
         facts["λ at nominal"] = f"{_shown(result.facts['load_factor_nominal'])} (λ above is at the low values)"
     for name, rate in result.facts.get("sensitivities", {}).items():
@@ -256,24 +257,24 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
     return facts
 
 
-def _range(extra: dict[str, Any]) -> dict[str, str]:
+def _range(facts: dict[str, Any]) -> dict[str, str]:
     """Describe the lowest and highest λ found without dilation, and the lower bound; empty if not sought."""
-    if extra.get("lowest_found") is None:
+    if facts.get("lowest_found") is None:
         return {}
     ends = (
-        f"{extra['lowest_found']:.9g} to {extra['highest_found']:.9g} ({extra['solutions_found']} solutions certified)"
+        f"{facts['lowest_found']:.9g} to {facts['highest_found']:.9g} ({facts['solutions_found']} solutions certified)"
     )
-    proven, bound = extra["lowest_proven"], extra["lowest_bound"]
+    proven, bound = facts["lowest_proven"], facts["lowest_bound"]
     if bound is None:
-        below = "not sought"
-    elif proven is None and extra["bound_tolerance"] == 0.0:
-        below = "nothing above 0 proven"
-    elif extra["proven"]:
-        below = f"{proven:.9g} proven" + (", the lowest found is the lowest there is" if extra["closed"] else "")
+        lower = "not sought"
+    elif proven is None and facts["bound_tolerance"] == 0.0:
+        lower = "nothing above 0 proven"
+    elif facts["proven"]:
+        lower = f"{proven:.9g} proven" + (", the lowest found is the lowest there is" if facts["closed"] else "")
     else:
-        sure = "nothing above 0" if proven is None else f"{proven:.9g}"
-        below = f"{sure} proven; {bound:.9g} by the solver's word, within {extra['bound_tolerance']:g} of λ"
-    return {"found": ends, "none below": below}
+        proven_text = "nothing above 0" if proven is None else f"{proven:.9g}"
+        lower = f"{proven_text} proven; {bound:.9g} by the solver's word, within {facts['bound_tolerance']:g} of λ"
+    return {"found": ends, "none below": lower}
 
 
 def _rate(rate: dict[str, Any]) -> str:
