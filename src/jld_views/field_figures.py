@@ -55,9 +55,9 @@ class AveragedStresses:
         column, row = np.round((points - self.origin) / self.spacing).astype(np.int64).T
         rows, columns = self.inside.shape
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        held = np.zeros(len(points), dtype=bool)
-        held[inside] = self.inside[row[inside], column[inside]]
-        return held
+        contained = np.zeros(len(points), dtype=bool)
+        contained[inside] = self.inside[row[inside], column[inside]]
+        return contained
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ def averaged(assembly: Assembly, stresses: core_bounds.Stresses) -> AveragedStre
     turned = [(i + 2 / 3, j + 2 / 3) for i in range(_PIECES - 1) for j in range(_PIECES - 1 - i)]
     total = np.zeros((*count[::-1], 4))
     flat = total.reshape(-1, 4)
-    for one, two in upright + turned:
-        weights = np.array([_PIECES - one - two, one, two]) / _PIECES
+    for first, second in upright + turned:
+        weights = np.array([_PIECES - first - second, first, second]) / _PIECES
         cell = np.round((np.einsum("k,tkd->td", weights, corners) - lower) / spacing).astype(np.int64)
         number = np.clip(cell[:, 1], 0, count[1] - 1) * count[0] + np.clip(cell[:, 0], 0, count[0] - 1)
         stress = np.einsum("k,tkc->tc", weights, values)
@@ -108,7 +108,7 @@ def principal(stress: Floats, kind: Sign) -> tuple[Floats, Floats]:
     return np.maximum(m + radius, 0.0), np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def trajectories(grid: AveragedStresses, kind: Sign, apart: float) -> list[Trajectory]:
+def trajectories(grid: AveragedStresses, kind: Sign, spacing: float) -> list[Trajectory]:
     """Trace evenly spaced trajectories of principal stress, the most stressed first."""
     rows, columns = np.nonzero(grid.inside)
     seeds = grid.origin + grid.spacing * np.column_stack([columns, rows])
@@ -116,7 +116,7 @@ def trajectories(grid: AveragedStresses, kind: Sign, apart: float) -> list[Traje
     least = FAINT * float(size.max(initial=0.0))
     if not least > 0.0:
         return []
-    taken = _Taken(grid, apart)
+    taken = _Taken(grid, spacing)
     lines = []
     for seed in seeds[np.argsort(-size, kind="stable")][: int((size > least).sum())]:
         if taken.near(seed, 1.0):
@@ -132,8 +132,8 @@ def trajectories(grid: AveragedStresses, kind: Sign, apart: float) -> list[Traje
 class _Taken:
     """Points of the trajectories traced so far, in squares whose side is the distance `apart`."""
 
-    def __init__(self, grid: AveragedStresses, apart: float) -> None:
-        self._origin, self._apart = grid.origin, apart
+    def __init__(self, grid: AveragedStresses, spacing: float) -> None:
+        self._origin, self._apart = grid.origin, spacing
         self._squares: dict[tuple[int, int], list[tuple[float, float]]] = {}
 
     def add(self, points: Floats) -> None:

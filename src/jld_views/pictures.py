@@ -406,9 +406,9 @@ def _squares(ax: Axes, rows: pd.DataFrame, points: Floats, sure: Bools, scale: N
     first, second, value = rows.columns
     on_front = {(x, y): (v, sure_value) for (x, y, v), sure_value in zip(points, sure, strict=True)}
     most = rows.groupby([first, second], as_index=False)[value].max().to_numpy(dtype=float)
-    for x, y, found in most.tolist():
+    for x, y, count in most.tolist():
         at = x, y
-        v, sure_value = on_front.get(at, (found, False))
+        v, sure_value = on_front.get(at, (count, False))
         inside = at in on_front
         style: dict[str, Any] = {
             "facecolor": STRENGTH(scale(v)),

@@ -451,7 +451,9 @@ class FieldExact(ProvingDriver):
         ).tolist()
         pairs = zip(labels, bounds, strict=True)
         return [
-            Conflict(faces, own[faces], bound, mechanism=mechanism) for own, bound in pairs if bound <= self._threshold
+            Conflict(faces, other[faces], bound, mechanism=mechanism)
+            for other, bound in pairs
+            if bound <= self._threshold
         ]
 
     def _draw(self) -> bool:

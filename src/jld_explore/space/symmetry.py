@@ -70,10 +70,12 @@ def signature_of(scene: Scene, assembly: Assembly) -> Signature | None:
     if any(path[:2] == ("loads", "moving") for path in varying):
         raise Unknown("distributions of moving loads are not compared")
     elements = assembly.elements
-    placed = cases_of_scene(scene, elements)
+    scene_cases = cases_of_scene(scene, elements)
     dead = _marks(scene.loads.dead, elements)
-    if placed:
-        cases = tuple(_marks([*one.case.dead], elements) + _marks(one.case.live, elements, "live") for one in placed)
+    if scene_cases:
+        cases = tuple(
+            _marks([*case.case.dead], elements) + _marks(case.case.live, elements, "live") for case in scene_cases
+        )
     else:
         cases = (_marks(scene.loads.live or [], elements, "live"),)
     weights: list[Tag] = [() for _ in range(len(elements))]

@@ -344,15 +344,15 @@ def with_crushing(scene: Scene, share: float = 1.0) -> Scene:
     document = scene.model_dump(mode="json", exclude_defaults=True)
     for name in ("dry", "inner"):
         material: dict[str, Any] = document["materials"].setdefault(name, {})
-        given = material.get("compressive_strength")
-        low = given.get("nominal", strength) if isinstance(given, dict) else given
+        own_strength = material.get("compressive_strength")
+        low = own_strength.get("nominal", strength) if isinstance(own_strength, dict) else own_strength
         material["compressive_strength"] = strength if low is None else min(strength, float(low))
     return parse_scene(document, scene.name)
 
 
-def with_materials_of(scene: Scene, stated: Scene) -> Scene:
+def with_materials_of(scene: Scene, source: Scene) -> Scene:
     document = scene.model_dump(mode="json", exclude_defaults=True)
-    document["materials"] = stated.model_dump(mode="json", exclude_defaults=True)["materials"]
+    document["materials"] = source.model_dump(mode="json", exclude_defaults=True)["materials"]
     return parse_scene(document, scene.name)
 
 
@@ -386,14 +386,14 @@ def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> Trian
 def _refine_bounds(assembly: Assembly, until: Deadline | None) -> bounds.FieldBounds:
     """Return the bounds by fields of a structure under one load case, with their stresses."""
     refinement = bounds.FieldRefinement(assembly, assembly.labels, lower_first=True)
-    found = refinement.step()
+    refined = refinement.step()
     while (
         not refinement.ended
         and refinement.simplices <= _CRUSHING_TRIANGLES
         and not (until is not None and until.passed())
     ):
-        found = refinement.step(False)
-    return found
+        refined = refinement.step(False)
+    return refined
 
 
 _CELLS: Final = 45  # number of cells that a tessellation is to have: its search and its moves take seconds, not minutes

@@ -91,9 +91,9 @@ def screen(scene: Scene, seed: int, seconds: float, deadline: Deadline) -> Scree
                 else -1.0
                 for evaluation in evaluations
             ]
-            place = int(np.argmax(values))
-            if values[place] >= 0.0 and values[place] > load_factor:
-                best, load_factor = rows[place], values[place]
+            strongest = int(np.argmax(values))
+            if values[strongest] >= 0.0 and values[strongest] > load_factor:
+                best, load_factor = rows[strongest], values[strongest]
     return Screening(assembly, best, load_factor, count, _search_seconds(assembly))
 
 

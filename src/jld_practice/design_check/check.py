@@ -259,10 +259,10 @@ def assess_all(count: int, seconds: float, assess: Assess, least: Callable[[int]
         refined, share_of_time = sorted((case for case in verdicts if verdicts[case] is None), key=least), 1.0
     for case in refined:
         for gap in FINER:
-            left = end - time.perf_counter()
-            if left <= 0.0:
+            seconds_left = end - time.perf_counter()
+            if seconds_left <= 0.0:
                 return
-            verdict = assess(case, gap, min(left, share_of_time * seconds))
+            verdict = assess(case, gap, min(seconds_left, share_of_time * seconds))
             if verdict is True or (verdict is False and not refuted):
                 break
         if verdict is False:
@@ -736,8 +736,8 @@ def _worst(cases: tuple[CaseCheck, ...]) -> CaseCheck:
             break
     else:
         group = list(cases)
-    least = max(one.range[0] for one in group)
-    return next(one for one in group if one.range[1] >= least)
+    least = max(assessment.range[0] for assessment in group)
+    return next(assessment for assessment in group if assessment.range[1] >= least)
 
 
 def _of_case(solution: Solution, case: CaseCheck) -> LimitAnalysisResult | None:

@@ -235,7 +235,7 @@ class SequenceConstraint:
         among = np.isin(np.arange(count), members)
         start = int(elements.support.argmax())
         ground = ~elements.support & elements.support.any() & (block == block[start])
-        held = self._tree(among, a, b, labels)
+        inner = self._tree(among, a, b, labels)
         needed = self._in_the_way(labels, among, ground)
         if needed.any():
             # inner faces on the path from an obstacle to a support
@@ -247,15 +247,15 @@ class SequenceConstraint:
                 while at != start:
                     at, last = int(before[at]), at
                     path.add(between.get((at, last), between.get((last, at), -1)))
-            held = np.concatenate([held, np.array(sorted(path), dtype=np.int64)])
+            inner = np.concatenate([inner, np.array(sorted(path), dtype=np.int64)])
         around = [np.flatnonzero((block[a] == name) != (block[b] == name)) for name in np.unique(block[members])]
         if len(around) > 1:
             # The block with most faces around it needs none of them: the faces around the others separate them from it.
             around.pop(int(np.argmax([len(entry) for entry in around])))
         elif not self._may_rest:
             around = []
-        faces_found = np.concatenate([held, np.unique(np.concatenate([np.empty(0, dtype=np.int64), *around]))])
-        return Lock(faces_found, labels[faces_found], members)
+        needed_faces = np.concatenate([inner, np.unique(np.concatenate([np.empty(0, dtype=np.int64), *around]))])
+        return Lock(needed_faces, labels[needed_faces], members)
 
     def _tree(self, among: Bools, a: Ints, b: Ints, labels: Bits) -> Ints:
         """Return a spanning forest of the inner faces between elements `among` (n,), as faces.

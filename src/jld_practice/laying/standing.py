@@ -162,9 +162,9 @@ class Parts:
         cost = np.where(station < 0, 1.0 if self.stations is None else _ELSEWHERE, 1.0)
         objective = np.concatenate([np.zeros(len(used)), cost])
         cones = tuple(pattern.cones[k] for k in cones_kept)
-        stated = pack(rows, rhs, objective, len(equations), prop_count + len(linear), cones)
-        answer = solve_auxiliary(stated)
-        error = _error(stated, answer.point, answer.dual)
+        problem = pack(rows, rhs, objective, len(equations), prop_count + len(linear), cones)
+        answer = solve_auxiliary(problem)
+        error = _error(problem, answer.point, answer.dual)
         force = np.maximum(answer.point[len(used) :], 0.0) * template.scaling.force
         force = np.where(force > _NONE * weight / prop_count, force, 0.0)
         np.add.at(props, owner, force)
@@ -184,7 +184,7 @@ class Parts:
         up = -total / np.linalg.norm(total)
         across = np.eye(d) - np.outer(up, up)
         sides = across[np.argsort(-np.linalg.norm(across, axis=1))[: d - 1]]
-        columns, owner, place = [], [], []
+        columns, owner, positions = [], [], []
         for position, row in enumerate(standing.tolist()):
             element = int(elements.free[row])
             points, stations_of = [elements.centroid[element]], [-1]
@@ -207,8 +207,8 @@ class Parts:
                 )
                 columns.append(column)
                 owner.append(element)
-                place.append(station)
-        return np.array(columns).T, np.array(owner, dtype=np.int64), np.array(place, dtype=np.int64)
+                positions.append(station)
+        return np.array(columns).T, np.array(owner, dtype=np.int64), np.array(positions, dtype=np.int64)
 
 
 def _error(program: ConicProgram, point: Floats, dual: Floats) -> float:

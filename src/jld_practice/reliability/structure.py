@@ -164,8 +164,10 @@ class RandomStructure:
         maps: list[tuple[Ints, Floats, Floats] | None] = []
         for growths in self.growths:
             plain = [growth for growth in growths if len(growth.variables) == 1]
-            rows = np.array([one.variables[0] for one in plain], dtype=np.int64)
-            parts = [np.array([getattr(one, name).ravel() for one in plain]) for name in ("dead", "live")]
+            rows = np.array([measurement.variables[0] for measurement in plain], dtype=np.int64)
+            parts = [
+                np.array([getattr(measurement, name).ravel() for measurement in plain]) for name in ("dead", "live")
+            ]
             maps.append((rows, parts[0], parts[1]) if plain else None)
         return maps
 
@@ -215,11 +217,13 @@ class _Measurement:
     """Measure how the assembly of a scene depends on its values with uncertainty."""
 
     def __init__(
-        self, scene: Scene, found: list[tuple[uncertain.Path, uncertain.Uncertain | uncertain.UncertainVector]]
+        self,
+        scene: Scene,
+        uncertain_values: list[tuple[uncertain.Path, uncertain.Uncertain | uncertain.UncertainVector]],
     ) -> None:
-        self.found = found
+        self.found = uncertain_values
         self.document = scene.model_dump(mode="json", exclude_defaults=True)
-        for path, value in found:
+        for path, value in uncertain_values:
             _put(self.document, path, list(value) if isinstance(value, uncertain.UncertainVector) else float(value))
         self.plain = parse_scene(self.document)
         self.geometry = build_geometry(self.plain)
@@ -469,16 +473,19 @@ class SampleBounds:
 
     def _of_case(self, case: int, values: Floats, required: float | None) -> tuple[Floats, Floats]:
         """Return bounds (k,) on λ over the required one under a load case."""
-        unit, asked = self.analyses[case].analysis.template.scaling.load, float(self.structure.assembly.required[case])
+        unit, required_factor = (
+            self.analyses[case].analysis.template.scaling.load,
+            float(self.structure.assembly.required[case]),
+        )
         strengths = self.structure.strengths(values) if self.structure.varies_in_strength else None
-        enough = None if required is None else np.full(len(values), required * asked / unit)
+        enough = None if required is None else np.full(len(values), required * required_factor / unit)
         bounds = self.analyses[case].solve(strengths, *self.structure.loads(values, case), enough)
         low, high = bounds.low.copy(), bounds.high.copy()
         wrong = np.asarray(crossed(low, high)) | np.isnan(low) | np.isnan(high)
         low[wrong], high[wrong] = -np.inf, np.inf
         low[bounds.verdict == batch_solver.FALLS] = high[bounds.verdict == batch_solver.FALLS] = -np.inf
         low[bounds.verdict == batch_solver.LOCKED] = high[bounds.verdict == batch_solver.LOCKED] = np.inf
-        return unit / asked * low, unit / asked * high
+        return unit / required_factor * low, unit / required_factor * high
 
     def proven(self, values: Floats) -> GoverningBounds:
         """Compute bounds of single samples that the batch solver left open."""

@@ -194,8 +194,8 @@ def _seams(a: Ints, b: Ints, counted: Bools) -> Seams:
     """Return the seams of the counted faces (m,), given the atoms a and b (m,) of each face."""
     rows = np.flatnonzero(counted & (a != b))
     pairs = np.column_stack([np.minimum(a, b)[rows], np.maximum(a, b)[rows]])
-    found, number = np.unique(pairs, axis=0, return_counts=True)
-    return [(p, q, count) for (p, q), count in zip(found.tolist(), number.tolist(), strict=True)]
+    distinct, number = np.unique(pairs, axis=0, return_counts=True)
+    return [(p, q, count) for (p, q), count in zip(distinct.tolist(), number.tolist(), strict=True)]
 
 
 def _sink(space: SearchSpace, graph: AtomGraph) -> Sink | None:
