@@ -340,6 +340,7 @@ def convex_pieces(region: Any, tolerance: float, bent: float, corners: int | Non
 
 
 def _pieces(region: Any, tolerance: float, bent: float, corners: int | None) -> list[Any]:
+    """Return few convex polygons that together are a region, by joining triangles."""
     pieces = [region]
     if not _is_convex(region, bent):
         pieces = [piece for piece in triangles_of(region) if piece.area > 0.0]

@@ -262,6 +262,7 @@ def cut(
 def _start_field_bounds(
     chosen: Chosen, wish: Wish, out: Path, clock: Clock, stack: ExitStack
 ) -> Callable[[float], tuple[Ends | None, str]] | None:
+    """Begin bounds by fields in another process; return a function that waits for them, None without time."""
     # bounds by fields beside all that follows
     seconds, name = clock.left(DRAWN) - _DRAWING, chosen.fine.document["name"]
     if seconds < _FIELDS:
@@ -459,6 +460,7 @@ def _with_keys(chosen: Chosen, wish: Wish, scale: float, clearance: float, clock
 
 
 def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Options) -> dict[str, Any]:
+    """Return the content of summary.json."""
     low, high, locked = chosen.bracket
     result, parts = chosen.family.found, len(chosen.parts)
     volumes = [cell.volume() for cell in chosen.family.cutting.cells]

@@ -57,6 +57,7 @@ def scene_of_parts(name: str, cutting: Cutting, bodies: list[Any], setting: Sett
 
 
 def _pieces(bodies: list[Any], few: bool, joined: bool) -> tuple[list[Any], Ints, list[Floats]]:
+    """Split parts into convex pieces: pieces, part of each, and planes of the cuts."""
     pieces, of, planes = list[Any](), list[int](), list[Floats]()
     for part, body in enumerate(bodies):
         # few pieces where that ends in convex ones

@@ -280,11 +280,9 @@ class Bounds:
         self.analysis = LimitAnalysis(self.assembly, single_labelling=few)
 
     def __call__(self, blocks: Ints) -> tuple[Floats, Floats, Bools]:
-        """Return lower and upper bounds (k,) for parts (k, n), and where no load makes a layout collapse.
-
-        Lower bounds are −inf where a layout is not proven to stand for some λ ≥ 0; upper ones are −inf where it falls
-        by itself, and inf where nothing is proven.
-        """
+        """Return lower and upper bounds (k,) for parts (k, n), and where no load makes a layout collapse."""
+        # Lower bounds are −inf where a layout is not proven to stand for some λ ≥ 0; upper ones are −inf where it falls
+        # by itself, and inf where nothing is proven.
         labels, batch = labels_of(self.assembly, blocks), self.analysis.batch
         if batch is None:
             results = solve_many(self.assembly, labels, seconds=_EACH)

@@ -59,6 +59,7 @@ def parse_load(text: str, unit: float) -> Load:
 
 
 def numbers(name: str, text: str, count: int) -> Floats:
+    """Return the numbers of an option; ParameterError unless there are so many."""
     try:
         values = np.array([float(word) for word in text.split(",")])
     except ValueError:
@@ -88,6 +89,7 @@ def _clip(polygon: Floats, box: Floats) -> Floats:
 
 
 def _measure(polygon: Floats) -> tuple[float, Floats]:
+    """Return area and centroid of a plane polygon (k, 3)."""
     if len(polygon) < 3:
         return 0.0, np.zeros(3)
     first, second = polygon[1:-1] - polygon[0], polygon[2:] - polygon[0]
@@ -197,6 +199,7 @@ class Setting:
 
 
 def held_faces(setting: Setting, facet: Facet, low: float, size: float) -> Facet:
+    """Return the triangles that are supported: in the patches of the setting, or at the bottom."""
     corners, normals = facet.corners, facet.normals
     if not setting.patches:
         is_held = (corners[:, :, 2] < low + 1e-6 * size).all(axis=1) & (normals[:, 2] < -0.9)

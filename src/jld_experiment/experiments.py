@@ -97,6 +97,7 @@ def _portions(rows: list[tuple[str, float]], size: int) -> Iterator[list[tuple[s
 
 
 def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[str, Any]:
+    """Run the experiment on a layout; return its row of the table."""
     # A layout that does not stand under its dead loads carries 0.
     from jld_experiment import run_experiment
 

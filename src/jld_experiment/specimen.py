@@ -123,11 +123,9 @@ def _spring(points: Floats, kn: float, ks: float) -> Floats:
 
 
 def _frame(assembly: Assembly) -> Floats:
-    """Return normals and arms of all faces for the time stepping, columns as in `Bench.frame`.
-
-    (m, 6) in the plane: normal n, then r × n and r × t for the arms r from a and from b; (m, 15) in space: n, e1, e2
-    and both arms.
-    """
+    """Return normals and arms of all faces for the time stepping, columns as in `Bench.frame`."""
+    # (m, 6) in the plane: normal n, then r × n and r × t for the arms r from a and from b; (m, 15) in space: n, e1, e2
+    # and both arms.
     faces, centroid = assembly.interfaces, assembly.elements.centroid
     near, far = faces.origin - centroid[faces.a], faces.origin - centroid[faces.b]
     if assembly.dimension == 3:
@@ -294,6 +292,7 @@ class Specimen:
         return Standing.CREEPS
 
     def energy(self, state: State) -> EnergyBalance:
+        """Return the energies of a state, from work of the loads to losses."""
         d, inverse = self.assembly.dimension, self.bench.inverse
         inverse_mass = np.repeat(inverse, (d, self.assembly.freedoms - d), axis=1)
         is_fixed = inverse_mass == 0.0

@@ -224,6 +224,7 @@ def _path(parameter: str, value: Any) -> Path:
 
 
 def _driver_options(options: Any, keywords: dict[str, Any]) -> dict[str, Any] | None:
+    """Return options and keywords of a driver together; ParameterError for an unknown keyword."""
     require_kind("options", options, dict, NoneType)
     option_names = sorted({name for kind in driver_kinds().values() for name in kind.Options.model_fields})
     for key in keywords:

@@ -93,6 +93,7 @@ _PATTERNS: Final = tuple((role, _pattern(words)) for role, words in _WORDS)
 
 @cache
 def role_by_name(layer: str) -> str | None:
+    """Return the role that the name of a layer says, None for an ordinary layer."""
     plain = "".join(c for c in normalize("NFKD", layer.casefold()) if not combining(c))
     if plain == "ids":  # names of elements, written by jld
         return "id"
@@ -180,6 +181,7 @@ class ImportOptions:
         return {}
 
     def _role(self, layer: str) -> str | None:
+        """Return the role of a layer by the options, else by its name."""
         named = role_by_name(layer)
         for role in LAYER_ROLES:
             if self.matches(role, layer):

@@ -184,6 +184,7 @@ def _unit(file: _File) -> tuple[str, float]:
 
 
 def _length(file: _File, number: int) -> float:
+    """Return the size of a unit of length, m."""
     converted = file.of(number, "CONVERSION_BASED_UNIT")
     if converted is None:
         prefix = (file.of(number, "SI_UNIT") or [None])[0]

@@ -250,6 +250,7 @@ class BoxStructure:
                     raise InputError("loads", "some, such as fill, are not checked", "forces and moments on elements")
 
     def _displacements(self, claim: BoxClaim) -> dict[Pair, list[Vector]]:
+        """Return the step of each corner by each parameter of the box."""
         corners = {point for loop in self.outlines for point in loop}
         steps: dict[Pair, list[Vector]] = {}
         for parameter, motion in enumerate(claim.directions):

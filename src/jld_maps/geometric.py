@@ -236,11 +236,9 @@ def _wall(outline: Floats, base: Floats, near: float) -> tuple[Map, Sizes]:
 
 
 def _arch(body: Any, outline: Floats, ends: Sequence[Floats], near: float) -> tuple[Map, Sizes]:
-    """Return the middle line of an arch or frame between its contacts (2, 2) with two supports; outline: (k, 2).
-
-    The outline has two sides between the contacts. Corners of both, equally many, are paired, and points between them
-    by their share of length: this gives chords, and the middle of a point is that of the chord through it.
-    """
+    """Return the middle line of an arch or frame between its contacts (2, 2) with two supports; outline: (k, 2)."""
+    # The outline has two sides between the contacts. Corners of both, equally many, are paired, and points between them
+    # by their share of length: this gives chords, and the middle of a point is that of the chord through it.
     points = np.concatenate([*ends, outline])
     owner = np.repeat([0, 1, -1], [2, 2, len(outline)])  # contacts may end within a side of the outline
     order = np.argsort([body.exterior.project(shapely.Point(xy)) for xy in points], kind="stable")

@@ -269,6 +269,7 @@ class Grid:
 
 
 def _value(axis_values: list[Any], index: float) -> Any:
+    """Return the value at an index, interpolated between two values."""
     low = int(index)
     return (
         axis_values[low]
@@ -388,6 +389,7 @@ def _bounds_of(columns: dict[str, Any]) -> list[CaseBounds]:
 
 
 def _row(result: Any) -> dict[str, Any]:
+    """Return the columns of one solved point."""
     name = ""
     if result.status is Status.COLLAPSE and result.mechanism is not None:
         jumps = face_jumps(result.assembly, result.mechanism)[None]

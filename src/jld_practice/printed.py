@@ -121,6 +121,7 @@ class Making:
 
 
 def making_of(stones: list[Stone]) -> Making:
+    """Return the totals of cuts, set-ups and material over stones."""
     first = {stone.shape: stone for stone in reversed(stones)}
     return Making(
         len(stones),

@@ -683,10 +683,8 @@ def room(
 def _opening_of_text(
     name: str, text: str, form: str, start: float, length: float, height: float, courses: int
 ) -> tuple[float, float, int, int]:
-    """Return both jambs of an opening along its wall, its first course, and that of its lintel.
-
-    text: position, sill, width and height, as in `form`.
-    """
+    """Return both jambs of an opening along its wall, its first course, and that of its lintel."""
+    # text: position, sill, width and height, as in `form`.
     try:
         numbers = [float(part) for part in text.split(",")]
         position, *sill, wide, tall = numbers

@@ -47,7 +47,7 @@ class Api:
     ) -> None:
         self.jobs, self.root, self._first, self._drawing = jobs, root, first, drawing
         self.scenes = SceneStore(session, root)
-        self._newest: OrderedDict[str, int] = OrderedDict()
+        self._newest: OrderedDict[str, int] = OrderedDict()  # newest revision that each page asked for
         self._newest_lock, self._solve_lock = threading.Lock(), threading.Lock()
 
     def data(self, _: dict[str, Any]) -> dict[str, Any]:

@@ -298,10 +298,8 @@ def strain_power(velocities: core_bounds.Velocities) -> Floats:
 def _jumps(
     labels: Bits, velocities: core_bounds.Velocities, moved: Floats, top: float, faces: int
 ) -> tuple[Floats, Bools, Floats]:
-    """Compute the displaced sides of dry joints and cracks (k, 2, 2, 2.
-
-    Edge, side, end, coordinate), a mask (k,) of joints, and their largest jumps (k,). A support does not move.
-    """
+    """Return displaced sides (k, side, end, coordinate) of dry joints and cracks, a mask of joints, largest jumps."""
+    # A support does not move.
     mesh, e = velocities.mesh, velocities.mesh.sides
     face = np.where(e.tag < faces, e.tag, -1)
     rows = np.flatnonzero((e.b >= 0) | (face >= 0))

@@ -142,6 +142,7 @@ def run(app: typer.Typer, started: float) -> NoReturn:
 
 
 def _code_of(app: typer.Typer, started: float) -> int:
+    """Run the command line; return its exit code, with one line on stderr for an error."""
     interrupt_on_signals()
     try:
         code = app(standalone_mode=False, obj=started)

@@ -440,6 +440,7 @@ class FieldExact(ProvingDriver):
             self._add_conflicts([replace(conflict, mechanism=mechanism), *self._conflicts_of_others(mechanism)])
 
     def _conflicts_of_others(self, mechanism: Mechanism) -> list[Conflict]:
+        """Return conflicts by a mechanism with other labellings that it refutes as well."""
         rows = np.flatnonzero(self._refuted_at > self._threshold)
         count, faces = len(rows), np.flatnonzero(self.refuter.free)
         if not count:

@@ -159,6 +159,7 @@ class FieldStudy(Study):
         return BestAim()
 
     def _pool(self, labellings: Bits) -> FieldPool:
+        """Return labellings with the bounds known from records, as a pool for the race."""
         rows = self.table_records.rows
         unstable = statuses(rows) == "unstable"
         high = np.where(unstable, _UNSTABLE, rows["high"])

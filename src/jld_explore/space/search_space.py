@@ -486,6 +486,7 @@ def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
 
 
 def _of_counts(space: SearchSpace, labels: Bits) -> list[str]:
+    """Return the violations of limits on counts, and of the order of assembly, in words."""
     limits, violations = space.limits, []
     for count, bounds in limits.on_counts:
         value = values_of(count, space.assembly, labels[None], space.graph, limits.block_shapes)[0]

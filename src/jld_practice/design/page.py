@@ -266,6 +266,7 @@ def _loads(work: Design) -> str:
 
 
 def _tried(work: Design) -> list[dict[str, str]]:
+    """Return one table row for each tessellation, with its bounds."""
     rows = []
     for tessellation in work.tessellations:
         its_trials = [trial for trial in work.trials if trial.tessellation == tessellation.name]

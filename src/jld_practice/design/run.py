@@ -401,10 +401,11 @@ def _search_all(work: Design, until: Deadline, say: Say) -> None:
                 _keep(work, tessellation, stop.done, 0.0)
             raise
         best = [trial for trial in work.trials if trial.tessellation == tessellation.name and trial.kind == "searched"]
-        say(f"{tessellation.name:<12} " + (_said(best[-1]) if best else work.search_words[tessellation.name]))
+        say(f"{tessellation.name:<12} " + (_words_of_trial(best[-1]) if best else work.search_words[tessellation.name]))
 
 
 def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
+    """Search one tessellation, and keep its best layouts in the design."""
     if tessellation.scene is None:
         raise ValueError("a tessellation without a scene is not searched")
     options = work.options
@@ -434,7 +435,7 @@ def _keep(work: Design, tessellation: Tessellation, exploration: Exploration, se
     _add(work, tessellation, scene, None if seconds > 0.0 else UNPROVEN, seconds)
 
 
-def _said(trial: Trial) -> str:
+def _words_of_trial(trial: Trial) -> str:
     """Describe λ by faces and by fields, for the terminal."""
     low, high = trial.fields
     bracket = f"at most {high:.4g}" if math.isinf(low) else f"{low:.4g} to {high:.4g}"

@@ -181,6 +181,7 @@ def combinations_of(assembly: Assembly, factors: scene_design.PartialFactors) ->
 
 
 def at_design_loads(assembly: Assembly, factors: scene_design.PartialFactors, combination: Combination) -> Assembly:
+    """Return the assembly under a combination of loads with its partial factors."""
     chosen = combination.factors(factors)
 
     def dead_of(dead: Loads) -> Loads:

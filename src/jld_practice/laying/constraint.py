@@ -119,7 +119,7 @@ class SequenceConstraint:
         self.assembly, self.wish, self.group = assembly, wish, group
         self.bodies = Bodies(assembly, sideways)
         self._parts = Parts(assembly)
-        self._known: dict[bytes, Lock | None] = {}
+        self._locks: dict[bytes, Lock | None] = {}
         self.locks: list[Lock] = []
         faces = assembly.interfaces
         # an inner face to a support makes the elements behind it part of the ground
@@ -135,17 +135,17 @@ class SequenceConstraint:
     @property
     def refused(self) -> int:
         """Number of labellings found without a sequence."""
-        return sum(lock is not None for lock in self._known.values())
+        return sum(lock is not None for lock in self._locks.values())
 
     @property
     def undecided(self) -> int:
         """Number of refused labellings for which an unlimited search might find a sequence."""
-        return sum(lock is not None and not lock.proven for lock in self._known.values())
+        return sum(lock is not None and not lock.proven for lock in self._locks.values())
 
     def farthest(self) -> Laying | None:
         """Return the order of a refused labelling with the largest share of standing steps, or None."""
         # Up to eight labellings are compared, the first to be refused.
-        refused = [key for key, lock in self._known.items() if lock is not None][:_COMPARED]
+        refused = [key for key, lock in self._locks.items() if lock is not None][:_COMPARED]
         best: tuple[float, Laying] | None = None
         for key in refused:
             packed = np.frombuffer(key, dtype=np.uint8)
@@ -169,10 +169,10 @@ class SequenceConstraint:
     def lock(self, labels: Bits) -> Lock | None:
         """Return the conflict that refuses labels (m,); None where they can be laid."""
         key = np.packbits(labels).tobytes()
-        if key not in self._known:
+        if key not in self._locks:
             matching = next((lock for lock in self.locks if np.array_equal(labels[lock.faces], lock.labels)), None)
-            self._known[key] = matching or self._found(labels)
-        return self._known[key]
+            self._locks[key] = matching or self._found(labels)
+        return self._locks[key]
 
     def possible(self, labellings: Bits) -> Bools:
         """Return which labellings (k, m) can be laid."""

@@ -64,13 +64,13 @@ class Standing:
     def __init__(self, blocks: Blocks, labels: Bits, parts: Parts | None = None) -> None:
         self.blocks, self.labels = blocks, np.asarray(labels, dtype=bool)
         self.parts = Parts(blocks.assembly) if parts is None else parts
-        self._known: dict[bytes, Stage] = {}
+        self._stages: dict[bytes, Stage] = {}
 
     def stage(self, laid: Bools) -> Stage:
         """Return the stability of the stage in which blocks `laid` (k,), and the fixed ones, are laid."""
         laid = laid | self.blocks.fixed
         key = np.packbits(laid).tobytes()
-        if key not in self._known:
+        if key not in self._stages:
             parts = self.parts.of(laid[self.blocks.of], self.labels)
             props = np.zeros(len(self.blocks))
             for part in parts:
@@ -81,10 +81,10 @@ class Standing:
                 along += part.along
             weight, stations = sum(part.weight for part in parts), self.parts.stations
             if stations is None:
-                self._known[key] = Stage(props, error, weight)
+                self._stages[key] = Stage(props, error, weight)
             else:
-                self._known[key] = Stage(props, error, weight, along, stations.points)
-        return self._known[key]
+                self._stages[key] = Stage(props, error, weight, along, stations.points)
+        return self._stages[key]
 
 
 class Parts:
@@ -95,7 +95,7 @@ class Parts:
         # between them alone. They stand beside `stations` only where these cannot hold a stage, or a hundredth of the
         # force suffices.
         self.assembly, self.stations = assembly, stations
-        self._known: dict[bytes, _Part] = {}
+        self._parts: dict[bytes, _Part] = {}
 
     @property
     def places(self) -> int:
@@ -118,12 +118,13 @@ class Parts:
         return [self._part(laid & (support | (name == part)), labels) for part in np.unique(name[free])]
 
     def _part(self, laid: Bools, labels: Bits) -> _Part:
+        """Return the least props of a stage of laying, computed once."""
         faces = self.assembly.interfaces
         key = np.packbits(laid).tobytes() + np.packbits(labels[laid[faces.a] & laid[faces.b]]).tobytes()
-        if key not in self._known:
+        if key not in self._parts:
             checkpoint()
-            self._known[key] = self._least_props(laid, labels)
-        return self._known[key]
+            self._parts[key] = self._least_props(laid, labels)
+        return self._parts[key]
 
     def _least_props(self, laid: Bools, labels: Bits) -> _Part:
         """Minimise the sum of prop forces of the part of elements `laid` (n,)."""

@@ -449,10 +449,8 @@ def _resultant(assembly: Assembly, title: str, faces: Ints, side: Ints, *, local
 
 
 def _axes_of_face(assembly: Assembly, face: int, normal: Floats) -> Floats:
-    """Return the matrix (q, q) from axes of the scene to N, V, M, or N, V1, V2, M1, M2, MT, of a face.
-
-    normal: (d,) unit normal, maybe opposite to the face's own; e1 and e2 stay the face's.
-    """
+    """Return the matrix (q, q) from axes of the scene to N, V, M, or N, V1, V2, M1, M2, MT, of a face."""
+    # normal: (d,) unit normal, maybe opposite to the face's own; e1 and e2 stay the face's.
     joints, d = assembly.interfaces, assembly.dimension
     if d == 2:
         return np.array([[normal[0], normal[1], 0.0], [-normal[1], normal[0], 0.0], [0.0, 0.0, 1.0]])

@@ -221,7 +221,7 @@ class _Measurement:
         scene: Scene,
         uncertain_values: list[tuple[uncertain.Path, uncertain.Uncertain | uncertain.UncertainVector]],
     ) -> None:
-        self.found = uncertain_values
+        self.uncertain_values = uncertain_values
         self.document = scene.model_dump(mode="json", exclude_defaults=True)
         for path, value in uncertain_values:
             _put(self.document, path, list(value) if isinstance(value, uncertain.UncertainVector) else float(value))
@@ -234,7 +234,7 @@ class _Measurement:
         self.growths: list[list[Growth]] = [[] for _ in self.base.by_case]
 
     def structure(self) -> RandomStructure:
-        variables_of = [self._add(path, value) for path, value in self.found]
+        variables_of = [self._add(path, value) for path, value in self.uncertain_values]
         self._add_products(variables_of)
         mean = np.array([float(size) for size in self.sizes])
         variables = Variables(
@@ -251,7 +251,7 @@ class _Measurement:
         document = _copy(self.document)
         fresh = False
         for position, factor in changes:
-            path, value = self.found[position]
+            path, value = self.uncertain_values[position]
             if isinstance(value, uncertain.UncertainVector):
                 _put(document, path, [factor * component for component in value])
             else:
@@ -262,7 +262,7 @@ class _Measurement:
 
     def _add(self, path: uncertain.Path, value: uncertain.Uncertain | uncertain.UncertainVector) -> list[int]:
         """Add the variables of one value of the scene, and return their positions."""
-        position = [owner for owner, _ in self.found].index(path)
+        position = [owner for owner, _ in self.uncertain_values].index(path)
         size = value.size if isinstance(value, uncertain.UncertainVector) else value
         step = _STEP
         try:
@@ -322,6 +322,7 @@ class _Measurement:
         rates: list[tuple[Floats, Floats]],
     ) -> Ints | None:
         """Return the faces or elements with variables of their own; None for one shared variable."""
+        # faces: strength, mask (m,), growth of each; rates: growth of dead and live loads (n, q) of each case
         loaded = np.any([np.any(load, axis=1) for pair in rates for load in pair], axis=0)
         if faces and loaded.any():
             raise _unknown(path)
@@ -351,8 +352,8 @@ class _Measurement:
 
     def _add_products(self, variables_of: list[list[int]]) -> None:
         """Add the loads that grow with products of two values: body loads, by weights."""
-        weights = [k for k, (path, _) in enumerate(self.found) if path[-1] in ("density", "weight")]
-        bodies = [k for k, (path, _) in enumerate(self.found) if "body" in path]
+        weights = [k for k, (path, _) in enumerate(self.uncertain_values) if path[-1] in ("density", "weight")]
+        bodies = [k for k, (path, _) in enumerate(self.uncertain_values) if "body" in path]
         for weight, body in itertools.product(weights, bodies):
             # second difference of the loads by both values: (both + none − weight − body) / (change of both)
             more_weight, more_body = (weight, 1.0 + _STEP), (body, 1.0 + _STEP)
