@@ -74,7 +74,7 @@ def _pieces(bodies: list[Any], few: bool, joined: bool) -> tuple[list[Any], Ints
 
 
 def _join_convex(pieces: list[Any]) -> list[Any]:
-    # those whose union is convex
+    """Join pieces whose union is convex."""
     hulls, volume = [piece.hull() for piece in pieces], [piece.volume() for piece in pieces]
     k = 1
     while k < len(hulls):

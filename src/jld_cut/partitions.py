@@ -133,12 +133,15 @@ def _join_groups(boxes: Boxes, around: list[int], limits: Limits, least: int) ->
     """Yield groups of cells, joined pair by pair, down to `least` or as few as fit."""
     groups = [1 << e for e in range(len(around))]
     while len(groups) > least:
-        joint = boxes.grouped(groups)
+        merged = boxes.grouped(groups)
         neighbours_of = _neighbours_of_groups(groups, around)
         pairs = [(a, b) for a, neighbours in enumerate(neighbours_of) for b in range(a) if neighbours >> b & 1]
         first, second = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-        low, high = np.minimum(joint.low[first], joint.low[second]), np.maximum(joint.high[first], joint.high[second])
-        volume = joint.volume[first] + joint.volume[second]
+        low, high = (
+            np.minimum(merged.low[first], merged.low[second]),
+            np.maximum(merged.high[first], merged.high[second]),
+        )
+        volume = merged.volume[first] + merged.volume[second]
         fits = boxes.fit(low, high, limits) & (volume <= limits.volume * (1 + 1e-9))
         if not fits.any():
             break
@@ -491,23 +494,23 @@ def strongest(
     partitions: Partitions, parts: int, solve: Solver, bound: float, goal: SearchGoal, number: int
 ) -> Layouts:
     """Return the strongest layouts of so many parts by branch and bound; number: of solves at most."""
-    layout_search, size, proven_number = _LayoutSearch(partitions, parts, solve, bound), 8, number
-    while layout_search.top >= 0.0:
-        require, steps_before = goal.require * (1 - 1e-6), layout_search.solved + layout_search.branches
-        end = goal.until if layout_search.best >= require else goal.last
-        if layout_search.complete or layout_search.top < require:
-            proven_number = min(proven_number, steps_before + _FURTHER)
-            if len(layout_search.low) >= BEST and layout_search.low[BEST - 1] >= layout_search.top:
+    search_tree, size, last_step = _LayoutSearch(partitions, parts, solve, bound), 8, number
+    while search_tree.top >= 0.0:
+        require, steps_before = goal.require * (1 - 1e-6), search_tree.solved + search_tree.branches
+        end = goal.until if search_tree.best >= require else goal.last
+        if search_tree.complete or search_tree.top < require:
+            last_step = min(last_step, steps_before + _FURTHER)
+            if len(search_tree.low) >= BEST and search_tree.low[BEST - 1] >= search_tree.top:
                 break
-        if steps_before >= proven_number or (steps_before and time.time() > end):
+        if steps_before >= last_step or (steps_before and time.time() > end):
             break
         began = time.perf_counter()
         try:
             with Deadline(max(0.1, end - time.time())).enforced():
                 # layouts and branches in turn: where bounds are far from λ, those of the highest lead to no layout
-                layout_search.expand(size, layout_search.solved < layout_search.branches)
+                search_tree.expand(size, search_tree.solved < search_tree.branches)
         except DeadlinePassed:
             break
-        new = layout_search.solved + layout_search.branches - steps_before
+        new = search_tree.solved + search_tree.branches - steps_before
         size = int(np.clip(new / (time.perf_counter() - began), 8, _CHUNK))  # a second each
-    return layout_search.layouts()
+    return search_tree.layouts()

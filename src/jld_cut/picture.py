@@ -100,7 +100,7 @@ def write_page(parts: list[Part], verdict: str, front: Table, cutting: Table, pa
     boxes = np.array([np.array(part.exact.bounding_box()).reshape(2, 3) for part in parts])
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
     size = float((high - low).max())
-    figures = []
+    entries = []
     for part, box, colour in zip(parts, boxes, colours, strict=True):
         points, triangles = surface_of(part.solid)
         entry = {
@@ -110,8 +110,8 @@ def write_page(parts: list[Part], verdict: str, front: Table, cutting: Table, pa
             "colour": colour.tolist(),
         }
         entry |= {"middle": box.mean(axis=0).tolist(), "faces": triangles.tolist()}
-        figures.append(entry | {"points": [[float(f"{v:.6g}") for v in point] for point in points.tolist()]})
-    data = {"verdict": verdict, "size": size, "middle": ((low + high) / 2).tolist(), "parts": figures}
+        entries.append(entry | {"points": [[float(f"{v:.6g}") for v in point] for point in points.tolist()]})
+    data = {"verdict": verdict, "size": size, "middle": ((low + high) / 2).tolist(), "parts": entries}
     text = json.dumps(data | {"front": front, "list": cutting}).replace("</", "<\\/")
     page = resources.files("jld_cut").joinpath("assets", "parts.html").read_text(encoding="utf-8")
     files.write_text(path, page.replace("/*DATA*/", text, 1))

@@ -301,19 +301,23 @@ def search_all(solid: Any, title: str, wish: Wish, clock: Clock, say: Callable[[
 
 def told(family: Family, require: float) -> str:
     """Return in words what was found on the cells of a family."""
-    search = family.found
+    outcome = family.found
     solved, branches = (
-        sum(getattr(layouts, name) for layouts in search.of.values()) for name in ("solved", "branches")
+        sum(getattr(layouts, name) for layouts in outcome.of.values()) for name in ("solved", "branches")
     )
-    best = next((n for n, layouts in sorted(search.of.items()) if len(layouts.low) and layouts.low[0] >= require), None)
-    best = best or max((n for n, layouts in search.of.items() if len(layouts.low)), default=None)
+    best = next(
+        (n for n, layouts in sorted(outcome.of.items()) if len(layouts.low) and layouts.low[0] >= require), None
+    )
+    best = best or max((n for n, layouts in outcome.of.items() if len(layouts.low)), default=None)
     if best is None:
         within = "no layout within the limits on parts and shapes stands" if branches else "no parts fit the box"
         fits = "every layout falls" if solved else within
-        return f"{search.problem or fits}, {solved} layouts and {branches} branches"
-    value = f"λ = {search.of[best].low[0]:.4g}" if np.isfinite(search.of[best].low[0]) else "no load makes it collapse"
-    bound = search.bound(best)
-    proof = ", proven" if search.proven(best) else f", bound {bound:.4g}" if np.isfinite(bound) else ""
+        return f"{outcome.problem or fits}, {solved} layouts and {branches} branches"
+    value = (
+        f"λ = {outcome.of[best].low[0]:.4g}" if np.isfinite(outcome.of[best].low[0]) else "no load makes it collapse"
+    )
+    bound = outcome.bound(best)
+    proof = ", proven" if outcome.proven(best) else f", bound {bound:.4g}" if np.isfinite(bound) else ""
     return f"{solved} layouts and {branches} branches, {best} parts, {value}{proof}"
 
 

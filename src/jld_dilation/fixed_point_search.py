@@ -285,11 +285,11 @@ class FixedPointSearch:
         # The iteration ends with a locked pair, with a solution, or after `options.most` programs. With effective
         # areas, later rounds hold the forces and omit proximal steps: such steps move the forces along the many
         # solutions, and the areas would follow.
-        options, load_factor = self.options, None
+        options, held_load = self.options, None
         self.last_feasible, self.program_limit = forces[: self.count], self.solves + self.options.most
         alpha, dual, share, last = options.alpha, np.zeros(0), 1.0, np.zeros(self.count)
         while True:
-            if load_factor is None:
+            if held_load is None:
                 for step in range(options.block + 1):
                     checkpoint()
                     raw = self.step_from(forces, alpha if step < options.block else 0.0)
@@ -304,7 +304,7 @@ class FixedPointSearch:
                     self._record(forces, raw, alpha if step < options.block else 0.0)
                     alpha = 0.1 * alpha if alpha > 1e-6 else 0.0
             areas = self.areas(forces)
-            state = self.minimise_gap(forces, dual, areas, load_factor)
+            state = self.minimise_gap(forces, dual, areas, held_load)
             if areas is not None:
                 state, areas = self.settle_areas(state, dual, areas)
             pair = self.evaluate_pair(state, areas)
@@ -321,7 +321,7 @@ class FixedPointSearch:
                 return
             forces = self.last_feasible = state.forces.ravel()
             if areas is not None and pair.motion is not None:
-                load_factor, dual = self.margin, pair.motion.velocity
+                held_load, dual = self.margin, pair.motion.velocity
 
     def _record(self, forces: Floats, raw: RawSolution, alpha: float) -> None:
         """Add a step of frozen friction to the history: λ, and what its forces and velocities violate."""

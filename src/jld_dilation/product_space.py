@@ -173,12 +173,12 @@ class LocalProductSpace:
 
     def equilibrium(self, statics: Floats, residual: Floats) -> Floats:
         """Return multipliers of equilibrium (3n, 3n + m) that reduce a residual the most, set by set."""
-        out = np.zeros((len(statics), residual.shape[1]))
+        multipliers = np.zeros((len(statics), residual.shape[1]))
         for number in range(len(self.elements)):
-            rows, places = self.forces(number)
+            rows, positions = self.forces(number)
             columns = np.flatnonzero(self._of == number)
-            out[np.ix_(rows, columns)] = self._inverse(number, statics) @ residual[np.ix_(places, columns)]
-        return out
+            multipliers[np.ix_(rows, columns)] = self._inverse(number, statics) @ residual[np.ix_(positions, columns)]
+        return multipliers
 
     def _inverse(self, number: int, statics: Floats) -> Floats:
         """Return the cached pseudo-inverse of the transposed equilibrium of one set."""

@@ -40,13 +40,13 @@ def _is_ear(vertices: Floats, ring: list[int], k: int, normal: Floats) -> bool:
 
 
 @compiled
-def turned(matrix: Floats, arm: Floats, out: Floats) -> None:
+def rotate(matrix: Floats, arm: Floats, out: Floats) -> None:
     for i in range(3):
         out[i] = matrix[i, 0] * arm[0] + matrix[i, 1] * arm[1] + matrix[i, 2] * arm[2]
 
 
 @compiled
-def turned_back(matrix: Floats, arm: Floats, out: Floats) -> None:
+def rotate_back(matrix: Floats, arm: Floats, out: Floats) -> None:
     for i in range(3):
         out[i] = matrix[0, i] * arm[0] + matrix[1, i] * arm[1] + matrix[2, i] * arm[2]
 
@@ -57,7 +57,7 @@ def dot(a: Floats, b: Floats) -> float:
 
 
 @compiled
-def pressed(force: Floats, element: int, arm: Floats, part: Floats, sign: float) -> None:
+def add_force(force: Floats, element: int, arm: Floats, part: Floats, sign: float) -> None:
     """Add `sign` × a force (3,) at an arm (3,) from an element's centroid, with its moment, to `force` (n, 6)."""
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -74,7 +74,7 @@ def is_among(table: Ints, row: int, value: int) -> bool:
 
 
 @compiled
-def beyond(x: float, y: float, low: int, high: int, rim: Floats) -> float:
+def distance_outside(x: float, y: float, low: int, high: int, rim: Floats) -> float:
     """Return the distance of (x, y) from the polygon of rows low … high − 1 of `rim`, 0 inside."""
     within, least = False, np.inf
     for k in range(low, high):
@@ -588,8 +588,8 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
         ks, numbers = law[f, 1], numbers_of(law, f)
         low, high = space.rim_first[f], space.rim_first[f + 1]
         for k in range(first[f], first[f + 1]):
-            turned(space.turn[a], space.near[k], near)
-            turned(space.turn[b], space.far[k], far)
+            rotate(space.turn[a], space.near[k], near)
+            rotate(space.turn[b], space.far[k], far)
             for i in range(3):
                 jump[i] = between[i] + far[i] - near[i]
             gap, slid1, slid2 = dot(jump, axes[0]), dot(jump, axes[1]), dot(jump, axes[2])
@@ -607,8 +607,8 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
             shear[k, 0], shear[k, 1] = q1, q2
             deepest = max(deepest, e)
             x1, x2, width = place[k, 0], place[k, 1], space.share[k]
-            kept_b = max(0.0, 1.0 - beyond(x1 + slid1, x2 + slid2, low, high, space.rim) / width)
-            kept_a = max(0.0, 1.0 - beyond(x1 - slid1, x2 - slid2, low, high, space.rim) / width)
+            kept_b = max(0.0, 1.0 - distance_outside(x1 + slid1, x2 + slid2, low, high, space.rim) / width)
+            kept_a = max(0.0, 1.0 - distance_outside(x1 - slid1, x2 - slid2, low, high, space.rim) / width)
             space.kept[k] = 0.5 * (kept_a + kept_b)
             area = space.kept[k] * place[k, 2]
             if area == 0.0:
@@ -620,8 +620,8 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
                 part[i] = area * (p * axes[0, i] + q1 * axes[1, i] + q2 * axes[2, i])
                 near[i] += at * jump[i]
                 far[i] -= (1.0 - at) * jump[i]
-            pressed(force, b, far, part, 1.0)
-            pressed(force, a, near, part, -1.0)
+            add_force(force, b, far, part, 1.0)
+            add_force(force, a, near, part, -1.0)
     space.spring[5] = deepest
 
 
@@ -633,10 +633,10 @@ def nearest_side(pair: int, moved: Floats, space: Space, point: Floats, nearest:
     c, j = space.pair[pair, 0], space.pair[pair, 1]
     i = space.corner[c]
     arm, trial = np.empty(3), np.empty(3)
-    turned(space.turn[i], space.arm[c], arm)
+    rotate(space.turn[i], space.arm[c], arm)
     for k in range(3):
         arm[k] += space.centre[i, k] + moved[i, k] - space.centre[j, k] - moved[j, k]
-    turned_back(space.turn[j], arm, point)
+    rotate_back(space.turn[j], arm, point)
     best, least = 0, np.inf
     for t in range(space.side_first[j], space.side_first[j + 1]):
         if is_among(space.flush, pair, space.side[t]):
@@ -709,9 +709,9 @@ def corner_forces_in_space(pairs: Ints, moved: Floats, force: Floats, space: Spa
             if rub > friction * press:
                 stuck[k] *= friction * press / rub
             part[k] = press * normal[k] + stuck[k]
-        turned(space.turn[j], part, total)
-        turned(space.turn[i], space.arm[c], arm)
-        pressed(force, i, arm, total, 1.0)
+        rotate(space.turn[j], part, total)
+        rotate(space.turn[i], space.arm[c], arm)
+        add_force(force, i, arm, total, 1.0)
         for k in range(3):
             arm[k] += space.centre[i, k] + moved[i, k] - space.centre[j, k] - moved[j, k]
-        pressed(force, j, arm, total, -1.0)
+        add_force(force, j, arm, total, -1.0)

@@ -235,7 +235,7 @@ class BoxStructure:
         self._require_all_loads(build_assembly(scene))
 
     def _require_all_loads(self, assembly: Assembly) -> None:
-        # such as fill
+        """Raise InputError unless the loads read here are all of an assembly; fill, for example, is not read."""
         for (*own_loads, _), case in zip(self.cases, assembly.by_case, strict=True):
             for loads, resultants in zip(own_loads, (case.dead, case.live), strict=True):
                 sums = np.zeros_like(resultants)

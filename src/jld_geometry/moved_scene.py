@@ -81,6 +81,8 @@ def move_with_points(move: dict[str, Any], start: Floats, places: Floats, size: 
 
 
 def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, Any]:
+    """Return a scene with all friction coefficients multiplied by a factor."""
+
     def changed(entry: dict[str, Any]) -> dict[str, Any]:
         entry = dict(entry)
         angle = entry.pop("friction_angle", None)

@@ -88,7 +88,7 @@ def _joints_of(assembly: Assembly, element: int) -> list[Floats]:
 
 
 def _chain(assembly: Assembly, near: float) -> Middles:
-    """Blocks one after the other, each between two joints that are whole sides of it."""
+    """Return the middle lines of blocks in a row, each between two joints that are whole sides of it."""
     elements, faces = assembly.elements, assembly.interfaces
     middle = [points.copy() for points in elements.shape]
     for k in elements.free.tolist():

@@ -440,7 +440,7 @@ class Swept:
         self._uncut_labels = None if (uncut_labels == self.labels).all() else uncut_labels
         layouts = {layout.tobytes(): layout for layout in (self.labels, uncut_labels)}
         self._analyses_by_labels = {key: self._analyses(self.assembly, layout) for key, layout in layouts.items()}
-        self.batched = all(layout.batched for layouts in self._analyses_by_labels.values() for layout in layouts)
+        self.batched = all(case.batched for cases in self._analyses_by_labels.values() for case in cases)
 
     @staticmethod
     def _analyses(assembly: Assembly, labels: Bits) -> list[SampleAnalysis]:

@@ -415,7 +415,7 @@ def write_printed(content: Printed, path: Path, *, language: str = "en", unit: s
     """Write the report as PDF, completely or not at all; return its number of pages."""
     figures = pages_of(content, language=language, unit=unit)
     facts = {"CreationDate": None, "Title": content.layout.scene.name}
-    with mpl.rc_context({"pdf.fonttype": 42}), files.whole_file(path) as fresh, PdfPages(fresh, metadata=facts) as book:
+    with mpl.rc_context({"pdf.fonttype": 42}), files.whole_file(path) as file, PdfPages(file, metadata=facts) as book:
         for figure in figures:
             with writing.as_written(figure):
                 book.savefig(figure)
@@ -574,7 +574,7 @@ def _laying_table(book: _Book, figure: Figure, top: float) -> float:
     rows = []
     for number, step in enumerate(laying.steps, 1):
         stones = " + ".join(_numbers(book, laying, step.blocks))
-        direction = _way(book, 0.0 - np.asarray(step.direction))
+        direction = _direction_in_words(book, 0.0 - np.asarray(step.direction))
         props = float(step.stage.props.sum())
         stage_text = words["stands"] if step.stage.stands else words["undecided"] if step.stage.stands is None else ""
         rows.append(
@@ -590,7 +590,7 @@ def _laying_table(book: _Book, figure: Figure, top: float) -> float:
     return top
 
 
-def _way(book: _Book, motion: Floats) -> str:
+def _direction_in_words(book: _Book, motion: Floats) -> str:
     """Say from where a stone comes, or along which vector; motion: (d,) of its movement."""
     words, axes = book.words, np.eye(len(motion))
     named_directions = [(words["from_above"], -axes[-1]), (words["from_below"], axes[-1])]

@@ -118,11 +118,11 @@ def least_number(volumes: list[float], stock: float) -> int:
     sizes = np.sort(np.array(volumes) / stock)[::-1] if volumes else np.zeros(0)
     bound = math.ceil(float(sizes.sum()) - _FITS)
     for k in (0.0, *(float(size) for size in np.unique(sizes[sizes <= 0.5]))):
-        is_large = sizes > 1.0 - k + _FITS
-        large = (sizes > 0.5 + _FITS) & ~is_large
+        fills_bin = sizes > 1.0 - k + _FITS
+        large = (sizes > 0.5 + _FITS) & ~fills_bin
         small = (sizes >= k) & (sizes <= 0.5 + _FITS)
         room = float(sizes[small].sum()) - (float(large.sum()) - float(sizes[large].sum()))
-        bound = max(bound, int(is_large.sum()) + int(large.sum()) + max(0, math.ceil(room - _FITS)))
+        bound = max(bound, int(fills_bin.sum()) + int(large.sum()) + max(0, math.ceil(room - _FITS)))
     return bound
 
 

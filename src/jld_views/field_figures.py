@@ -116,24 +116,24 @@ def trajectories(grid: AveragedStresses, kind: Sign, spacing: float) -> list[Tra
     least = FAINT * float(size.max(initial=0.0))
     if not least > 0.0:
         return []
-    taken = _Taken(grid, spacing)
+    occupied = _Occupied(grid, spacing)
     lines = []
     for seed in seeds[np.argsort(-size, kind="stable")][: int((size > least).sum())]:
-        if taken.near(seed, 1.0):
+        if occupied.near(seed, 1.0):
             continue
-        halves = [_trace(grid, kind, seed, sign, least, taken) for sign in (-1.0, 1.0)]
+        halves = [_trace(grid, kind, seed, sign, least, occupied) for sign in (-1.0, 1.0)]
         points = np.concatenate([halves[0][:0:-1], halves[1]])
-        taken.add(points)
+        occupied.add(points)
         if len(points) > 3:
             lines.append(Trajectory(points, principal(grid.at(points), kind)[0]))
     return lines
 
 
-class _Taken:
+class _Occupied:
     """Points of the trajectories traced so far, in squares whose side is the distance `apart`."""
 
     def __init__(self, grid: AveragedStresses, spacing: float) -> None:
-        self._origin, self._apart = grid.origin, spacing
+        self._origin, self._spacing = grid.origin, spacing
         self._squares: dict[tuple[int, int], list[tuple[float, float]]] = {}
 
     def add(self, points: Floats) -> None:
@@ -144,7 +144,7 @@ class _Taken:
         """Return True if a stored point lies within `share` of the distance between trajectories."""
         x, y = float(point[0]), float(point[1])
         column, row = self._square(x, y)
-        limit = share * self._apart
+        limit = share * self._spacing
         return any(
             math.hypot(x - other[0], y - other[1]) < limit
             for i in (-1, 0, 1)
@@ -153,7 +153,7 @@ class _Taken:
         )
 
     def _square(self, x: float, y: float) -> tuple[int, int]:
-        return math.floor((x - self._origin[0]) / self._apart), math.floor((y - self._origin[1]) / self._apart)
+        return math.floor((x - self._origin[0]) / self._spacing), math.floor((y - self._origin[1]) / self._spacing)
 
 
 def _trace(
@@ -162,7 +162,7 @@ def _trace(
     seed: Floats,
     sign: float,
     least: float,
-    taken: _Taken,
+    occupied: _Occupied,
 ) -> Floats:
     """Trace a trajectory from its seed (2,) in one direction; return its points (k, 2)."""
     # The midpoint rule is used.
@@ -174,7 +174,7 @@ def _trace(
         along = direction[0] if float(direction[0] @ ahead) >= 0.0 else -direction[0]
         after = point + step * along
         closed = len(points) > 8 and float(np.hypot(*(after - seed))) < step
-        if size[0] < least or not grid.holds(after[None])[0] or taken.near(after, 0.5) or closed:
+        if size[0] < least or not grid.holds(after[None])[0] or occupied.near(after, 0.5) or closed:
             break
         points.append(after)
         point, ahead = after, along

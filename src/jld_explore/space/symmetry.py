@@ -74,7 +74,7 @@ def signature_of(scene: Scene, assembly: Assembly) -> Signature | None:
     dead = _marks(scene.loads.dead, elements)
     if scene_cases:
         cases = tuple(
-            _marks([*case.case.dead], elements) + _marks(case.case.live, elements, "live") for case in scene_cases
+            _marks([*placed.case.dead], elements) + _marks(placed.case.live, elements, "live") for placed in scene_cases
         )
     else:
         cases = (_marks(scene.loads.live or [], elements, "live"),)

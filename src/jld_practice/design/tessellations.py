@@ -436,7 +436,11 @@ def tessellations(
     made_so_far: list[Tessellation] = []
     for name, words, make in kinds:
         late = bool(made_so_far) and until is not None and until.passed()
-        cut = Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
+        cut = (
+            Tessellation(name, words, None, "no time was left")
+            if late
+            else _cut_to_mass(name, words, make, options, side)
+        )
         alike = [
             tessellation.name
             for tessellation in made_so_far
@@ -455,7 +459,7 @@ def tessellations(
 _Make = Callable[[float], Scene]  # function that cuts an outline with cells of a relative size, 1 at first
 
 
-def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floats) -> Tessellation:
+def _cut_to_mass(name: str, words: str, make: _Make, options: DesignOptions, side: Floats) -> Tessellation:
     """Cut an outline with ever smaller cells until none exceeds the largest block mass, or say why not."""
     size, problem = 1.0, ""
     for _ in range(_TRIES):

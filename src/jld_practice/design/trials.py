@@ -282,6 +282,7 @@ _LEAST_EXPERIMENT: Final = 4.0  # shortest time in which a virtual experiment ma
 
 
 def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> list[Check]:
+    """Run the checks of the best layout, and report each at once."""
     checks = [_timed(work, "laying", _laid, until.within(_SHARES["laying"] * until.remaining()))]
     say(f"check        {checks[0].words}")
     # the experiment has a process of its own, beside which bounds by fields are refined

@@ -372,10 +372,10 @@ def reactions_of_supports(assembly: Assembly, names: Sequence[str] | None = None
         bearing = [index_of[name] for name in names]
     resultants: list[Resultant] = []
     for k in bearing:
-        faces_of_support = np.flatnonzero((faces.a == k) | (faces.b == k))
+        own_faces = np.flatnonzero((faces.a == k) | (faces.b == k))
         title = f"support {elements.ids[k]}"
-        side = np.where(faces.a[faces_of_support] == k, faces.b[faces_of_support], faces.a[faces_of_support])
-        resultants += _resultant(assembly, title, faces_of_support, side, local=False)
+        side = np.where(faces.a[own_faces] == k, faces.b[own_faces], faces.a[own_faces])
+        resultants += _resultant(assembly, title, own_faces, side, local=False)
     return tuple(resultants)
 
 

@@ -164,11 +164,9 @@ class RandomStructure:
         maps: list[tuple[Ints, Floats, Floats] | None] = []
         for growths in self.growths:
             plain = [growth for growth in growths if len(growth.variables) == 1]
-            rows = np.array([measurement.variables[0] for measurement in plain], dtype=np.int64)
-            parts = [
-                np.array([getattr(measurement, name).ravel() for measurement in plain]) for name in ("dead", "live")
-            ]
-            maps.append((rows, parts[0], parts[1]) if plain else None)
+            rows = np.array([growth.variables[0] for growth in plain], dtype=np.int64)
+            dead, live = (np.array([getattr(growth, name).ravel() for growth in plain]) for name in ("dead", "live"))
+            maps.append((rows, dead, live) if plain else None)
         return maps
 
     def at(self, values: Floats, case: int) -> Assembly:
@@ -474,19 +472,17 @@ class SampleBounds:
 
     def _of_case(self, case: int, values: Floats, required: float | None) -> tuple[Floats, Floats]:
         """Return bounds (k,) on λ over the required one under a load case."""
-        unit, required_factor = (
-            self.analyses[case].analysis.template.scaling.load,
-            float(self.structure.assembly.required[case]),
-        )
+        unit = self.analyses[case].analysis.template.scaling.load
+        factor = float(self.structure.assembly.required[case])
         strengths = self.structure.strengths(values) if self.structure.varies_in_strength else None
-        enough = None if required is None else np.full(len(values), required * required_factor / unit)
+        enough = None if required is None else np.full(len(values), required * factor / unit)
         bounds = self.analyses[case].solve(strengths, *self.structure.loads(values, case), enough)
         low, high = bounds.low.copy(), bounds.high.copy()
         wrong = np.asarray(crossed(low, high)) | np.isnan(low) | np.isnan(high)
         low[wrong], high[wrong] = -np.inf, np.inf
         low[bounds.verdict == batch_solver.FALLS] = high[bounds.verdict == batch_solver.FALLS] = -np.inf
         low[bounds.verdict == batch_solver.LOCKED] = high[bounds.verdict == batch_solver.LOCKED] = np.inf
-        return unit / required_factor * low, unit / required_factor * high
+        return unit / factor * low, unit / factor * high
 
     def proven(self, values: Floats) -> GoverningBounds:
         """Compute bounds of single samples that the batch solver left open."""
