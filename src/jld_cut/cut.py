@@ -596,8 +596,8 @@ def _bound_in_words(summary: dict[str, Any]) -> str:
     return f"; not proven: no layout of as many parts of these cells{joints} exceeds {bound:.3g} ({kind})"
 
 
-def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock, moved: Floats) -> None:
-    scale = options.scale
+def _state_steps(chosen: Chosen) -> None:
+    """Set step and direction of laying of each part."""
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     index_of = {name: k for k, name in enumerate(names)}
     for number, step in enumerate(chosen.laying.steps if chosen.laying else (), 1):
@@ -607,6 +607,12 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options,
             if len(elements):
                 part = chosen.parts[index_of[int(chosen.block[chosen.fine.of[elements[0]]])]]
                 part.step, part.direction = number, -np.asarray(step.direction, dtype=float)
+
+
+def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock, moved: Floats) -> None:
+    """Write parts, their table and the scene; what has no time is left out and noted by the clock."""
+    scale = options.scale
+    _state_steps(chosen)
     if options.tenons:
         gap = scale * options.clearance
         fit = scale * np.sort(np.array(options.fit))

@@ -232,6 +232,7 @@ class FixedPointSearch:
         finite = motion.margin >= 0.0 and motion.work > 0.0
         size = max(abs(motion.bound), abs(state.load), self.load_scale)
         if not finite or raw.status is RawStatus.UNBOUNDED or motion.bound - state.load > tolerances.GAP * size:
+            # a proof of the frozen problem may find a motion of a lower bound, or that it is locked
             proof = self.analysis.with_template(template, labels).prove(labels)
             self.solves += proof.solves
             locked = proof.status is Status.LOCKED

@@ -39,15 +39,8 @@ def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, s
     elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
     ends = np.column_stack([assembly.interfaces.a, assembly.interfaces.b]).astype(np.int64)
     count = len(elements)
-    stiffness = np.zeros((count, q, count, q))
-    jumps = jump_matrices(assembly)
-    for face, (a, b) in enumerate(ends):
-        part = points.place[points.first[face] : points.first[face + 1]]
-        spring = _spring(part, float(kn[face]), float(ks[face]))
-        block = np.einsum("ji,jk,kl->il", jumps[face], spring, jumps[face])
-        for i, x in enumerate((a, b)):
-            for j, y in enumerate((a, b)):
-                stiffness[x, :, y, :] += block[i * q : (i + 1) * q, j * q : (j + 1) * q]
+    stiffness = _stiffness(assembly, points, kn, ks)
+    # masses in proportion to the stiffness, so that all elements have about the same period
     diagonal = stiffness[np.arange(count), :, np.arange(count), :]
     mass = np.einsum("ijj->i", diagonal[:, :d, :d]) / d
     inertia = np.einsum("ijj->i", diagonal[:, d:, d:]) / (q - d)
@@ -65,9 +58,9 @@ def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, s
     radius = np.ones(count)
     squared = masses[:, 1] / masses[:, 0]
     radius[free] = rounded(np.sqrt(squared))
-    diagonal = np.array([2.0 * np.pi * np.sqrt(factor / values[0]), live @ moved[:, 0]])
+    slowest_and_reach = np.array([2.0 * np.pi * np.sqrt(factor / values[0]), live @ moved[:, 0]])
     sizes = np.abs(moved.reshape(-1, q, 2)[:, :d]).max(axis=(0, 1))
-    period, reach, swing, sag = rounded(np.concatenate([diagonal, sizes])).tolist()
+    period, reach, swing, sag = rounded(np.concatenate([slowest_and_reach, sizes])).tolist()
     return System(
         ends=ends,
         frame=_frame(assembly),
@@ -78,6 +71,21 @@ def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, s
         sag=sag,
         swing=swing,
     )
+
+
+def _stiffness(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Floats:
+    """Return the stiffness (n, q, n, q) of all elements on the springs (m,) of faces."""
+    count, q = len(assembly.elements), assembly.freedoms
+    stiffness = np.zeros((count, q, count, q))
+    jumps = jump_matrices(assembly)
+    for face, ends in enumerate(zip(assembly.interfaces.a, assembly.interfaces.b, strict=True)):
+        part = points.place[points.first[face] : points.first[face + 1]]
+        spring = _spring(part, float(kn[face]), float(ks[face]))
+        block = np.einsum("ji,jk,kl->il", jumps[face], spring, jumps[face])
+        for i, x in enumerate(ends):
+            for j, y in enumerate(ends):
+                stiffness[x, :, y, :] += block[i * q : (i + 1) * q, j * q : (j + 1) * q]
+    return stiffness
 
 
 def rounded(values: Floats) -> Floats:

@@ -221,6 +221,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     paths = without_frames(paths, marks, options, notes)
     read = len(paths)
     paths, holes = with_holes(paths)
+    # arcs as chords, whose ends are snapped
     size = float(max(np.ptp(np.concatenate([path.points[:, :2] for path in paths]), axis=0)))
     tolerance = _tolerance(paths, size, options, drawing) if options.tolerance is None else scale * options.tolerance
     facet = FACET * size if options.facet is None else scale * options.facet
@@ -232,6 +233,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     snapped = snapping.snap_paths(chords.points, [path.closed for path in paths], tolerance, keep_nodes=True)
     gaps = find_gaps(chords.points, paths, options, _OPEN * tolerance)
     _note_snapped(snapped, gaps, tolerance, scale, drawn_in, notes)
+    # elements and supports
     try:
         cells_found = find_cells(paths, snapped, holes, options, size, tolerance, notes)
     except NothingEnclosed as error:
@@ -247,6 +249,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     say_large(cells, notes)
     say_nested(cells_found.nested, notes)
     _say_dropped(drawing, cells_found, paths, snapped, read, notes)
+    # the scene, with loads and labels
     document: dict[str, Any] = {"name": drawing.name, "units": {"length": unit, "force": "N"}}
     document |= {key: value for key, value in drawing.facts.items() if key not in ("loads", "elements")}
     keys = drawing.facts.get("elements", {})
@@ -524,6 +527,7 @@ def _labels(
     ]
     if not contacts:
         return {}
+    # a contact has the label of lines near its quarter points and its middle
     ends = np.array([contact.ends for contact in contacts])
     probes = np.stack([ends[:, 0] + share * (ends[:, 1] - ends[:, 0]) for share in (0.25, 0.5, 0.75)], axis=1)
     label = np.full(len(contacts), "", dtype=object)

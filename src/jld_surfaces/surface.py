@@ -357,20 +357,9 @@ class _Parts:
                 table[:, 2 * position : 2 * position + 2, 0] = mu
                 table[:, 2 * position, 1:3], table[:, 2 * position + 1, 1:3] = direction, -direction
             table[:, 4:, 0], table[:, 4, 5], table[:, 5, 5] = turning, 1.0, -1.0
-            yield (
-                table,
-                np.broadcast_to(
-                    [
-                        cohesion_along,
-                        cohesion_along,
-                        cohesion_across,
-                        cohesion_across,
-                        min(cohesion_along, cohesion_across),
-                        min(cohesion_along, cohesion_across),
-                    ],
-                    (len(along), 6),
-                ),
-            )
+            # two rows each of sliding along, sliding across and torsion
+            sides = np.repeat([cohesion_along, cohesion_across, min(cohesion_along, cohesion_across)], 2)
+            yield table, np.broadcast_to(sides, (len(along), 6))
             return
         if not isotropic and (
             first == 0.0 or second == 0.0 or not np.isclose(cohesion_along * second, cohesion_across * first, rtol=1e-9)

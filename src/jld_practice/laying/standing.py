@@ -140,7 +140,7 @@ class Parts:
         weights = np.zeros((len(free), q))
         weights[:, : assembly.dimension] = elements.weight[free]
         weight_of = (weights / template.scaling.row).ravel()
-        # select faces between laid elements and equations of laid elements; drop the column of λ
+        # rows of the limit analysis: equations of laid elements, yield rows of faces between them; without λ
         chosen = laid[faces.a] & laid[faces.b]
         pattern = template.yield_set.pattern
         equations = (q * standing[:, None] + np.arange(q)).ravel()
@@ -154,6 +154,7 @@ class Parts:
         of_yield, of_equations = matrix[yields], matrix[equations]
         used = np.flatnonzero(np.diff(of_yield.tocsc().indptr))
         used = used[used < matrix.shape[1] - 1]
+        # further columns: prop forces, at least 0, whose sum is least
         push, owner, station = self._props(standing)
         prop_count = push.shape[1]
         forces = sp.vstack([of_equations[:, used], sp.csr_array((prop_count, len(used))), of_yield[:, used]])
