@@ -340,6 +340,7 @@ def convex_pieces(region: Any, tolerance: float, bent: float, corners: int | Non
 
 
 def _pieces(region: Any, tolerance: float, bent: float, corners: int | None) -> list[Any]:
+    """Return few convex polygons that together are a region, by joining triangles."""
     pieces = [region]
     if not _is_convex(region, bent):
         pieces = [piece for piece in triangles_of(region) if piece.area > 0.0]
@@ -425,18 +426,19 @@ def convex_parts(
             across = across / np.linalg.norm(across)
             cutting.through(across, float(across @ middle))
             if len(cutting.cells) > 1 and (few or not cuts):
-                left = [concave_edges(cell) for cell in cutting.cells]
+                edges_left = [concave_edges(cell) for cell in cutting.cells]
                 # bodies that touch along an edge are not convex and have no concave edge to split at
                 stuck = sum(
-                    not sharp_edges and not _convex(cell) for sharp_edges, cell in zip(left, cutting.cells, strict=True)
+                    not sharp_edges and not _convex(cell)
+                    for sharp_edges, cell in zip(edges_left, cutting.cells, strict=True)
                 )
-                sharp = sum(edge_turn >= least for edge_turn, *_ in itertools.chain(*left))
-                cuts.append(((stuck, sharp, len(left)), cutting, left))
+                sharp = sum(edge_turn >= least for edge_turn, *_ in itertools.chain(*edges_left))
+                cuts.append(((stuck, sharp, len(edges_left)), cutting, edges_left))
         if cuts:
-            _, cutting, left = min(cuts, key=lambda entry: entry[0])
+            _, cutting, edges_left = min(cuts, key=lambda entry: entry[0])
             planes += cutting.planes
-            pieces[at : at + 1], of[at : at + 1] = (cutting.cells, [of[at]] * len(left))
-            edges[at : at + 1] = left
+            pieces[at : at + 1], of[at : at + 1] = (cutting.cells, [of[at]] * len(edges_left))
+            edges[at : at + 1] = edges_left
     return pieces, np.array(of), planes, all(_convex(piece) for piece in pieces)
 
 

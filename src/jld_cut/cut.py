@@ -262,6 +262,7 @@ def cut(
 def _start_field_bounds(
     chosen: Chosen, wish: Wish, out: Path, clock: Clock, stack: ExitStack
 ) -> Callable[[float], tuple[Ends | None, str]] | None:
+    """Begin bounds by fields in another process; return a function that waits for them, None without time."""
     # bounds by fields beside all that follows
     seconds, name = clock.left(DRAWN) - _DRAWING, chosen.fine.document["name"]
     if seconds < _FIELDS:
@@ -331,8 +332,8 @@ def _refuse_small(solid: Any, limits: Limits) -> None:
 def _refuse_thin(solid: Any, clearance: float) -> None:
     """Raise InputError for a solid that a gap of joints leaves nothing of."""
     if clearance:
-        left = min((solid ^ solid.translate(tuple(clearance * axis))).volume() for axis in np.eye(3)) / solid.volume()
-        if left < 0.5:
+        share = min((solid ^ solid.translate(tuple(clearance * axis))).volume() for axis in np.eye(3)) / solid.volume()
+        if share < 0.5:
             raise ParameterError("clearance", f"the solid is too thin for gaps of {clearance:g} m", "a smaller gap")
 
 
@@ -360,8 +361,8 @@ def _choose(families: list[Family], wish: Wish, clearance: float, clock: Clock, 
 
 
 def _top(family: Family, parts: int) -> float:
-    found = family.found.of.get(parts)
-    return -np.inf if found is None or not len(found.low) else float(found.low[0])
+    layouts = family.found.of.get(parts)
+    return -np.inf if layouts is None or not len(layouts.low) else float(layouts.low[0])
 
 
 def _best_layouts(
@@ -379,8 +380,8 @@ def _best_layouts(
             family.fine = clock.run(title, CHOSEN, make) if judged else make()
         if not family.fine or (judged and time.time() > end):
             continue
-        found, count = family.found.of[parts], 0
-        for block, coarse in _to_judge(family, found, end):
+        layouts, count = family.found.of[parts], 0
+        for block, coarse in _to_judge(family, layouts, end):
             if judged and (count and time.time() > end):
                 break
             bracket = family.fine.known[block.tobytes()] = weaker(family.fine.solve(block), coarse)
@@ -391,9 +392,9 @@ def _best_layouts(
     return [entry for _, _, entry in judged]
 
 
-def _to_judge(family: Family, found: Layouts, end: float) -> Iterator[tuple[Ints, float]]:
+def _to_judge(family: Family, layouts: Layouts, end: float) -> Iterator[tuple[Ints, float]]:
     """Yield the best layouts: those with an order, those not known to lock, or else the best."""
-    ranked, count, later = list(zip(found.blocks, found.low.tolist(), strict=True)), 0, list[tuple[Ints, float]]()
+    ranked, count, later = list(zip(layouts.blocks, layouts.low.tolist(), strict=True)), 0, list[tuple[Ints, float]]()
     half = (time.time() + end) / 2
     for block, coarse in ranked:
         if count == BEST or (count + len(later) and time.time() > half):
@@ -459,6 +460,7 @@ def _with_keys(chosen: Chosen, wish: Wish, scale: float, clearance: float, clock
 
 
 def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Options) -> dict[str, Any]:
+    """Return the content of summary.json."""
     low, high, locked = chosen.bracket
     result, parts = chosen.family.found, len(chosen.parts)
     volumes = [cell.volume() for cell in chosen.family.cutting.cells]
@@ -549,8 +551,8 @@ def verdict(summary: dict[str, Any]) -> str:
     keys = summary.get("keys") or []
     if keys:
         more = f" and {len(keys) - _NAMED} more" if len(keys) > _NAMED else ""
-        named = ", ".join(key["told"] for key in keys[:_NAMED]) + more
-        carry += f"; with keys where parts slid ({named}; {summary['load_factor_without_keys']:.3g} without)"
+        key_list = ", ".join(key["told"] for key in keys[:_NAMED]) + more
+        carry += f"; with keys where parts slid ({key_list}; {summary['load_factor_without_keys']:.3g} without)"
     start, end = summary["uncut"]
     uncut = "any multiple" if start is not None and end is None else "unknown" if start is None else f"{start:.3g}"
     text = f"{count} {carry}; uncut {uncut}"
@@ -599,8 +601,8 @@ def _bound_in_words(summary: dict[str, Any]) -> str:
     return f"; not proven: no layout of as many parts of these cells{joints} exceeds {bound:.3g} ({kind})"
 
 
-def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock, moved: Floats) -> None:
-    scale = options.scale
+def _state_steps(chosen: Chosen) -> None:
+    """Set step and direction of laying of each part."""
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     index_of = {name: k for k, name in enumerate(names)}
     for number, step in enumerate(chosen.laying.steps if chosen.laying else (), 1):
@@ -610,6 +612,12 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options,
             if len(elements):
                 part = chosen.parts[index_of[int(chosen.block[chosen.fine.of[elements[0]]])]]
                 part.step, part.direction = number, -np.asarray(step.direction, dtype=float)
+
+
+def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock, moved: Floats) -> None:
+    """Write parts, their table and the scene; what has no time is left out and noted by the clock."""
+    scale = options.scale
+    _state_steps(chosen)
     if options.tenons:
         gap = scale * options.clearance
         fit = scale * np.sort(np.array(options.fit))
@@ -630,8 +638,8 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options,
         solids = [(part.name, False, plain_surface(part.exact)) for part in chosen.parts]
         size = max(float(part.box.max()) for part in chosen.parts)
         files.write_text(out / "parts.step", step_of_solids(chosen.fine.document["name"], "m", size, solids))
-        for one in solids:
-            files.write_text(out / "parts" / f"{one[0]}.step", step_of_solids(one[0], "m", size, [one]))
+        for solid in solids:
+            files.write_text(out / "parts" / f"{solid[0]}.step", step_of_solids(solid[0], "m", size, [solid]))
 
     clock.run("parts.step", FILED, step_file)
     files.write_text(out / "scene.json", json.dumps(chosen.fine.scene(chosen.block)) + "\n")

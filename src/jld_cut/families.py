@@ -23,21 +23,21 @@ _CORNERS: Final = np.array(list(product((0, 1), repeat=3)), dtype=np.int64)
 
 
 def voxels_of(solid: Any, count: int = VOXELS) -> tuple[Ints, float, Floats]:
-    """Return places (k, 3) of about `count` cubes that fill a solid, their side, and the corner of the first."""
+    """Return grid indices (k, 3) of about `count` cubes that fill a solid, their side, and the corner of the first."""
     box = np.array(solid.bounding_box())
     side = float((solid.volume() / count) ** (1 / 3))
     numbers = np.maximum(1, np.ceil((box[3:] - box[:3]) / side)).astype(int)
     origin = (box[:3] + box[3:]) / 2 - side * numbers / 2
     x, y = np.meshgrid(*(origin[k] + side * (np.arange(numbers[k]) + 0.5) for k in (0, 1)), indexing="ij")
-    places = []
+    cubes = []
     for level in range(numbers[2]):
         rings = [shapely.Polygon(ring) for ring in solid.slice(origin[2] + side * (level + 0.5)).to_polygons()]
         inside = np.zeros(x.shape, dtype=int)
         for ring in rings:
             inside += shapely.contains_xy(ring, x, y) * (1 if ring.exterior.is_ccw else -1)
         i, j = np.nonzero(inside > 0)
-        places.append(np.column_stack([i, j, np.full(len(i), level)]))
-    return np.concatenate(places), side, origin
+        cubes.append(np.column_stack([i, j, np.full(len(i), level)]))
+    return np.concatenate(cubes), side, origin
 
 
 def _stiffness(side: float) -> tuple[Floats, Floats]:
@@ -64,29 +64,29 @@ def _stiffness(side: float) -> tuple[Floats, Floats]:
 
 
 def compressed(
-    solid: Any, held: Floats, forces: list[tuple[Floats, Floats]], weight: Floats, count: int = VOXELS
+    solid: Any, supports: Floats, forces: list[tuple[Floats, Floats]], weight: Floats, count: int = VOXELS
 ) -> tuple[Floats, Floats, Floats]:
     """Return where the solid is compressed most.
 
     held: (h, 3) points at supports. forces: (3,) vectors with places. weight: (3,) of the whole solid.
     Returns middles (k, 3), magnitudes (k,) and directions (k, 3) of the largest compression.
     """
-    places, side, origin = voxels_of(solid, count)
-    grid = places[:, None] + _CORNERS
+    cubes, side, origin = voxels_of(solid, count)
+    grid = cubes[:, None] + _CORNERS
     flat = (grid * np.array([1, 10**4, 10**8])).sum(axis=2)
     names, node = np.unique(flat, return_inverse=True)
     node = node.reshape(flat.shape)
-    middles = origin + side * (places + 0.5)
+    middles = origin + side * (cubes + 0.5)
     stiffness, stress_of = _stiffness(side)
-    row = (3 * node[:, :, None] + np.arange(3)).reshape(len(places), 24)
+    row = (3 * node[:, :, None] + np.arange(3)).reshape(len(cubes), 24)
     i, j = np.repeat(row, 24, axis=1).ravel(), np.tile(row, (1, 24)).ravel()
     size = 3 * len(names)
-    matrix = coo_array((np.tile(stiffness.ravel(), len(places)), (i, j)), shape=(size, size)).tocsr()
-    load = np.bincount(row.ravel(), np.tile(weight / (8 * len(places)), 8 * len(places)), minlength=size)
+    matrix = coo_array((np.tile(stiffness.ravel(), len(cubes)), (i, j)), shape=(size, size)).tocsr()
+    load = np.bincount(row.ravel(), np.tile(weight / (8 * len(cubes)), 8 * len(cubes)), minlength=size)
     tree = cKDTree(middles)
     for force, at in forces:
         load[row[int(tree.query(at)[1])]] += np.tile(force / 8, 8)
-    fixed = np.unique(row[np.unique(tree.query(held)[1])])
+    fixed = np.unique(row[np.unique(tree.query(supports)[1])])
     free = np.setdiff1d(np.arange(size), fixed)
     # cubes that hang on nothing are held by a little
     part = matrix[free][:, free]

@@ -57,6 +57,7 @@ def scene_of_parts(name: str, cutting: Cutting, bodies: list[Any], setting: Sett
 
 
 def _pieces(bodies: list[Any], few: bool, joined: bool) -> tuple[list[Any], Ints, list[Floats]]:
+    """Split parts into convex pieces: pieces, part of each, and planes of the cuts."""
     pieces, of, planes = list[Any](), list[int](), list[Floats]()
     for part, body in enumerate(bodies):
         # few pieces where that ends in convex ones
@@ -73,7 +74,7 @@ def _pieces(bodies: list[Any], few: bool, joined: bool) -> tuple[list[Any], Ints
 
 
 def _join_convex(pieces: list[Any]) -> list[Any]:
-    # those whose union is convex
+    """Join pieces whose union is convex."""
     hulls, volume = [piece.hull() for piece in pieces], [piece.volume() for piece in pieces]
     k = 1
     while k < len(hulls):

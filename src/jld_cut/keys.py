@@ -157,7 +157,7 @@ def _keyed_cells(
     owners: list[int] = []
     count = 0
     for cell, name in zip(cells, block.tolist(), strict=True):
-        taken = []
+        keyed = []
         for piece in pieces_of(cell ^ tool) if name == into else []:
             base = shapely.union_all(sides_of(piece, slide.plane, size))
             if piece.volume() < 1e-9 * size**3 or base.area < 1e-9 * size**2:
@@ -166,14 +166,14 @@ def _keyed_cells(
             outside = base.difference(slide.region.buffer(1e-7 * size)).area
             if behind.min() < -1e-7 * size or outside > 1e-9 * size**2:
                 return None
-            taken.append(piece)
+            keyed.append(piece)
         remainder = cell
-        for piece in taken:
+        for piece in keyed:
             remainder = remainder - piece
-        rest = [piece for piece in pieces_of(remainder) if piece.volume() > 1e-12 * size**3] if taken else [cell]
-        bodies += [*rest, *taken]
-        owners += [name] * len(rest) + [on] * len(taken)
-        count += len(taken)
+        pieces = [piece for piece in pieces_of(remainder) if piece.volume() > 1e-12 * size**3] if keyed else [cell]
+        bodies += [*pieces, *keyed]
+        owners += [name] * len(pieces) + [on] * len(keyed)
+        count += len(keyed)
     volume = sum(cell.volume() for cell in cells)
     if not count or abs(sum(body.volume() for body in bodies) - volume) > 1e-9 * volume:
         return None

@@ -51,20 +51,20 @@ _TURNS: Final = 12  # turns about each axis at which a box is tried
 
 def frames(normals: Floats) -> Floats:
     """Return rotations (k, 3, 3) in which a part may lie in a box: along the axes, turned, and along cuts (c, 3)."""
-    found = [np.eye(3)]
+    rotations = [np.eye(3)]
     for axis, turn in product(range(3), np.arange(1, _TURNS) * np.pi / (2 * _TURNS)):
         i, j = (axis + 1) % 3, (axis + 2) % 3
         turned = np.eye(3)
         turned[np.ix_((i, j), (i, j))] = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
-        found.append(turned)
+        rotations.append(turned)
     for first, second in product(normals[:_TURNS], repeat=2):
         across = np.cross(first, second)
         if np.linalg.norm(across) > 0.1:
             across /= np.linalg.norm(across)
-            found.append(np.array([first, across, np.cross(first, across)]))
+            rotations.append(np.array([first, across, np.cross(first, across)]))
     # a long part lies along the diagonal of a box
-    found.append(np.linalg.qr(np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]).T)[0].T)
-    return np.array(found)
+    rotations.append(np.linalg.qr(np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]).T)[0].T)
+    return np.array(rotations)
 
 
 @dataclass(frozen=True)
@@ -81,10 +81,10 @@ class Boxes:
 
     @classmethod
     def of(cls, points: list[Floats], moments: Floats, rotations: Floats) -> Boxes:
-        seen = [np.einsum("kij,cj->cki", rotations, corners) for corners in points]
+        rotated = [np.einsum("kij,cj->cki", rotations, corners) for corners in points]
         return cls(
-            np.array([corners.min(axis=0) for corners in seen]),
-            np.array([corners.max(axis=0) for corners in seen]),
+            np.array([corners.min(axis=0) for corners in rotated]),
+            np.array([corners.max(axis=0) for corners in rotated]),
             moments,
         )
 
@@ -133,12 +133,15 @@ def _join_groups(boxes: Boxes, around: list[int], limits: Limits, least: int) ->
     """Yield groups of cells, joined pair by pair, down to `least` or as few as fit."""
     groups = [1 << e for e in range(len(around))]
     while len(groups) > least:
-        now = boxes.grouped(groups)
+        merged = boxes.grouped(groups)
         neighbours_of = _neighbours_of_groups(groups, around)
         pairs = [(a, b) for a, neighbours in enumerate(neighbours_of) for b in range(a) if neighbours >> b & 1]
         first, second = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-        low, high = (np.minimum(now.low[first], now.low[second]), np.maximum(now.high[first], now.high[second]))
-        volume = now.volume[first] + now.volume[second]
+        low, high = (
+            np.minimum(merged.low[first], merged.low[second]),
+            np.maximum(merged.high[first], merged.high[second]),
+        )
+        volume = merged.volume[first] + merged.volume[second]
         fits = boxes.fit(low, high, limits) & (volume <= limits.volume * (1 + 1e-9))
         if not fits.any():
             break
@@ -280,11 +283,9 @@ class Bounds:
         self.analysis = LimitAnalysis(self.assembly, single_labelling=few)
 
     def __call__(self, blocks: Ints) -> tuple[Floats, Floats, Bools]:
-        """Return lower and upper bounds (k,) for parts (k, n), and where no load makes a layout collapse.
-
-        Lower bounds are −inf where a layout is not proven to stand for some λ ≥ 0; upper ones are −inf where it falls
-        by itself, and inf where nothing is proven.
-        """
+        """Return lower and upper bounds (k,) for parts (k, n), and where no load makes a layout collapse."""
+        # Lower bounds are −inf where a layout is not proven to stand for some λ ≥ 0; upper ones are −inf where it falls
+        # by itself, and inf where nothing is proven.
         labels, batch = labels_of(self.assembly, blocks), self.analysis.batch
         if batch is None:
             results = solve_many(self.assembly, labels, seconds=_EACH)
@@ -326,12 +327,12 @@ def search(
     document: dict[str, Any], boxes: Boxes, around: list[int], limits: Limits, together: list[int], goal: SearchGoal
 ) -> SearchResult:
     """Solve all layouts of the fewest parts that fit and carry, and of some more while time lasts."""
-    found = SearchResult(require=goal.require * (1 - 1e-6))
+    result = SearchResult(require=goal.require * (1 - 1e-6))
     try:
         bounds = Bounds(document)
     except InputError as error:  # splinters may leave joints that no face bears out
-        found.problem = str(error)
-        return found
+        result.problem = str(error)
+        return result
     count = len(around)
 
     @cache
@@ -340,45 +341,45 @@ def search(
         return kind_of(boxes.moments[members].sum(axis=0), float(boxes.volume.max()))
 
     cells, everything = np.zeros((1, count), dtype=np.int64), np.ones((1, count), dtype=bool)
-    found.whole = float(bounds.relaxed(cells, everything)[0])
+    result.whole = float(bounds.relaxed(cells, everything)[0])
     start = time.time()
     sets = connected_sets(boxes, around, limits, together, start + _LISTED * (goal.last - start))
     if not sets and time.time() < goal.last and (chain := list(_join_groups(boxes, around, limits, GROUPS))):
-        found.joined, sets = True, _sets_of_groups(chain[-1], boxes, around, limits, together, goal.last)
-    found.sets = len(sets)
+        result.joined, sets = True, _sets_of_groups(chain[-1], boxes, around, limits, together, goal.last)
+    result.sets = len(sets)
     if sets:
-        _search(found, Partitions(sets, count, kind, goal.alike), bounds, goal)
+        _search(result, Partitions(sets, count, kind, goal.alike), bounds, goal)
     else:
-        found.problem = "too many sets of cells fit the box" if time.time() < goal.last else "time ended"
-    if not any(len(layouts.low) for layouts in found.of.values()) and time.time() > goal.until:
+        result.problem = "too many sets of cells fit the box" if time.time() < goal.last else "time ended"
+    if not any(len(layouts.low) for layouts in result.of.values()) and time.time() > goal.until:
         chain = [[1 << e for e in range(count)], *_join_groups(boxes, around, limits, 1)]
         chain = [groups for groups in chain if len(groups) <= goal.most]
-        _add_joined(found, Partitions([], count, kind, goal.alike), chain, bounds, together)
-    if np.isposinf(found.whole) and time.time() < goal.until:
-        found.whole = float(bounds.relaxed(cells, everything, thorough=True)[0])
-    return found
+        _add_joined(result, Partitions([], count, kind, goal.alike), chain, bounds, together)
+    if np.isposinf(result.whole) and time.time() < goal.until:
+        result.whole = float(bounds.relaxed(cells, everything, thorough=True)[0])
+    return result
 
 
-def _search(found: SearchResult, ways: Partitions, bounds: Bounds, goal: SearchGoal) -> None:
+def _search(result: SearchResult, partitions: Partitions, bounds: Bounds, goal: SearchGoal) -> None:
     """Search the strongest layouts of 1, 2, … parts, up to a few more than needed."""
-    fewest = ways.count + 1
-    for parts in range(1, min(goal.most, ways.count) + 1):
+    fewest = partitions.count + 1
+    for parts in range(1, min(goal.most, partitions.count) + 1):
         if parts > fewest + _MORE:
             break
         last = goal.last if parts < fewest else goal.until
         layouts = strongest(
-            ways, parts, bounds, found.whole, replace(goal, last=last), LAYOUTS if parts < fewest else _FURTHER
+            partitions, parts, bounds, result.whole, replace(goal, last=last), LAYOUTS if parts < fewest else _FURTHER
         )
-        found.of[parts] = layouts
-        if len(layouts.low) and layouts.low[0] >= found.require:
+        result.of[parts] = layouts
+        if len(layouts.low) and layouts.low[0] >= result.require:
             fewest = min(fewest, parts)
-        if time.time() > (goal.until if fewest <= ways.count else goal.last):
-            found.problem = "" if fewest <= ways.count else "time ended"
+        if time.time() > (goal.until if fewest <= partitions.count else goal.last):
+            result.problem = "" if fewest <= partitions.count else "time ended"
             break
 
 
 def _add_joined(
-    found: SearchResult, ways: Partitions, chain: list[list[int]], bounds: Bounds, together: list[int]
+    result: SearchResult, partitions: Partitions, chain: list[list[int]], bounds: Bounds, together: list[int]
 ) -> None:
     """Add layouts of a chain that stand, where time ended the search; sets are bits of cells."""
 
@@ -386,16 +387,16 @@ def _add_joined(
         """Return whether cells that must stay together are in one group."""
         return all(any(group & cells == cells for group in groups) for cells in together)
 
-    rows = [tuple(groups) for groups in chain if ways.keeps_kinds(tuple(groups)) and joins(groups)]
+    rows = [tuple(groups) for groups in chain if partitions.keeps_kinds(tuple(groups)) and joins(groups)]
     if not rows:
         return
-    blocks = ways.blocks(rows)
+    blocks = partitions.blocks(rows)
     low, _, locked = bounds(blocks)
     for row, block, load_factor in zip(rows, blocks, np.where(locked, np.inf, low), strict=True):
         if load_factor >= 0.0:
-            before = found.of.get(len(row))
-            high = found.whole if before is None else before.high
-            found.of[len(row)] = Layouts(False, 1, 0, block[None], np.array([load_factor]), high)
+            before = result.of.get(len(row))
+            high = result.whole if before is None else before.high
+            result.of[len(row)] = Layouts(False, 1, 0, block[None], np.array([load_factor]), high)
 
 
 class Solver(Protocol):
@@ -414,16 +415,16 @@ class _Branch:
 class _LayoutSearch:
     """Branch and bound over the layouts of one number of parts; whole: bound on λ of all."""
 
-    def __init__(self, ways: Partitions, parts: int, solve: Solver, whole: float) -> None:
-        self._ways, self._parts, self._solve = ways, parts, solve
+    def __init__(self, partitions: Partitions, parts: int, solve: Solver, bound: float) -> None:
+        self._partitions, self._parts, self._solve = partitions, parts, solve
         self.solved, self.branches, self._most = 0, 0, -np.inf
-        self.blocks, self.low = np.zeros((0, ways.count), dtype=np.int64), np.zeros(0)
+        self.blocks, self.low = np.zeros((0, partitions.count), dtype=np.int64), np.zeros(0)
         self._open: list[_Branch] = []
-        cells = (1 << ways.count) - 1
+        cells = (1 << partitions.count) - 1
         if parts > 1:
-            self._add((), cells, whole)
-        elif cells in ways.allowed:
-            self._solve_leaves([((), cells, whole)])
+            self._add((), cells, bound)
+        elif cells in partitions.allowed:
+            self._solve_leaves([((), cells, bound)])
 
     @property
     def top(self) -> float:
@@ -444,7 +445,7 @@ class _LayoutSearch:
 
     def _add(self, chosen: tuple[int, ...], left: int, high: float) -> None:
         if high >= 0.0:
-            extensions = self._ways.extensions(chosen, left, self._parts - len(chosen))
+            extensions = self._partitions.extensions(chosen, left, self._parts - len(chosen))
             self._open.append(_Branch(chosen, high, extensions))
 
     def expand(self, size: int, deep: bool) -> None:
@@ -464,8 +465,8 @@ class _LayoutSearch:
         is_leaf = [len(chosen) == self._parts - 1 for chosen, _, _ in nodes]
         inner = [branch for branch, last in zip(nodes, is_leaf, strict=True) if not last]
         if inner:
-            free = self._ways.blocks([(0, left) for _, left, _ in inner]) > 0
-            high = self._solve.relaxed(self._ways.blocks([(*chosen, left) for chosen, left, _ in inner]), free)
+            free = self._partitions.blocks([(0, left) for _, left, _ in inner]) > 0
+            high = self._solve.relaxed(self._partitions.blocks([(*chosen, left) for chosen, left, _ in inner]), free)
         self._solve_leaves([branch for branch, last in zip(nodes, is_leaf, strict=True) if last])
         for (chosen, left, most), bound in zip(inner, high if inner else (), strict=True):
             self._add(chosen, left, min(most, float(bound)))
@@ -476,7 +477,7 @@ class _LayoutSearch:
         """Solve complete layouts and keep the strongest: chosen sets, the last set, and a bound of each."""
         if not leaves:
             return
-        part = self._ways.blocks([(*chosen, left) for chosen, left, _ in leaves])
+        part = self._partitions.blocks([(*chosen, left) for chosen, left, _ in leaves])
         least, most, locked = self._solve(part)
         least, most = np.where(locked, np.inf, least), np.minimum(most, [high for _, _, high in leaves])
         self._most, self.solved = (
@@ -489,25 +490,27 @@ class _LayoutSearch:
         self.blocks, self.low = np.concatenate([self.blocks, part[stands]])[best], low[best]
 
 
-def strongest(ways: Partitions, parts: int, solve: Solver, whole: float, goal: SearchGoal, number: int) -> Layouts:
+def strongest(
+    partitions: Partitions, parts: int, solve: Solver, bound: float, goal: SearchGoal, number: int
+) -> Layouts:
     """Return the strongest layouts of so many parts by branch and bound; number: of solves at most."""
-    found, size, settled = _LayoutSearch(ways, parts, solve, whole), 8, number
-    while found.top >= 0.0:
-        require, done = goal.require * (1 - 1e-6), found.solved + found.branches
-        end = goal.until if found.best >= require else goal.last
-        if found.complete or found.top < require:
-            settled = min(settled, done + _FURTHER)
-            if len(found.low) >= BEST and found.low[BEST - 1] >= found.top:
+    search_tree, size, last_step = _LayoutSearch(partitions, parts, solve, bound), 8, number
+    while search_tree.top >= 0.0:
+        require, steps_before = goal.require * (1 - 1e-6), search_tree.solved + search_tree.branches
+        end = goal.until if search_tree.best >= require else goal.last
+        if search_tree.complete or search_tree.top < require:
+            last_step = min(last_step, steps_before + _FURTHER)
+            if len(search_tree.low) >= BEST and search_tree.low[BEST - 1] >= search_tree.top:
                 break
-        if done >= settled or (done and time.time() > end):
+        if steps_before >= last_step or (steps_before and time.time() > end):
             break
         began = time.perf_counter()
         try:
             with Deadline(max(0.1, end - time.time())).enforced():
                 # layouts and branches in turn: where bounds are far from λ, those of the highest lead to no layout
-                found.expand(size, found.solved < found.branches)
+                search_tree.expand(size, search_tree.solved < search_tree.branches)
         except DeadlinePassed:
             break
-        new = found.solved + found.branches - done
+        new = search_tree.solved + search_tree.branches - steps_before
         size = int(np.clip(new / (time.perf_counter() - began), 8, _CHUNK))  # a second each
-    return found.layouts()
+    return search_tree.layouts()

@@ -84,16 +84,16 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
         solids[a] -= exact[b].translate(tuple(-move))
         solids[b] -= exact[a].translate(tuple(move))
     parts = []
-    for k, (group, whole, solid) in enumerate(zip(members, exact, solids, strict=True)):
-        pieces = [piece for piece in pieces_of(solid) if piece.volume() > _SPLINTER * whole.volume()]
+    for k, (group, exact_solid, solid) in enumerate(zip(members, exact, solids, strict=True)):
+        pieces = [piece for piece in pieces_of(solid) if piece.volume() > _SPLINTER * exact_solid.volume()]
         volume = sum(piece.volume() for piece in pieces)
-        if volume < _LOST * whole.volume():
+        if volume < _LOST * exact_solid.volume():
             problem = f"part {k + 1} is thinner than a clearance of {clearance:g} m leaves whole"
             raise ParameterError("clearance", problem, "a smaller clearance")
-        joined = (closed(pieces, volume) if solid is not whole else None) or union(pieces)
-        part = Part(k + 1, group, whole, joined, density * whole.volume())
+        joined = (closed(pieces, volume) if solid is not exact_solid else None) or union(pieces)
+        part = Part(k + 1, group, exact_solid, joined, density * exact_solid.volume())
         of_cells = sum(cells[i].volume() for i in group)
-        part.error = max(abs(whole.volume() / of_cells - 1.0), abs(joined.volume() / solid.volume() - 1.0))
+        part.error = max(abs(exact_solid.volume() / of_cells - 1.0), abs(joined.volume() / solid.volume() - 1.0))
         parts.append(part)
     return parts
 

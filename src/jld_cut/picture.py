@@ -82,8 +82,8 @@ def figure_of_order(parts: list[Part], steps: list[int]) -> Figure:
         moves = np.array([-0.5 * size * part.direction if part.step == step else np.zeros(3) for part in laid])
         axes = figure.add_subplot(rows, columns, k + 1, projection="3d")
         _draw(axes, laid, moves, numbers=True)
-        named = ", ".join(str(part.number) for part in laid if part.step == step)
-        axes.set_title(f"{step}. lay part {named}", fontsize=9)
+        numbers = ", ".join(str(part.number) for part in laid if part.step == step)
+        axes.set_title(f"{step}. lay part {numbers}", fontsize=9)
     return figure
 
 
@@ -100,7 +100,7 @@ def write_page(parts: list[Part], verdict: str, front: Table, cutting: Table, pa
     boxes = np.array([np.array(part.exact.bounding_box()).reshape(2, 3) for part in parts])
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
     size = float((high - low).max())
-    drawn = []
+    entries = []
     for part, box, colour in zip(parts, boxes, colours, strict=True):
         points, triangles = surface_of(part.solid)
         entry = {
@@ -110,8 +110,8 @@ def write_page(parts: list[Part], verdict: str, front: Table, cutting: Table, pa
             "colour": colour.tolist(),
         }
         entry |= {"middle": box.mean(axis=0).tolist(), "faces": triangles.tolist()}
-        drawn.append(entry | {"points": [[float(f"{v:.6g}") for v in point] for point in points.tolist()]})
-    data = {"verdict": verdict, "size": size, "middle": ((low + high) / 2).tolist(), "parts": drawn}
+        entries.append(entry | {"points": [[float(f"{v:.6g}") for v in point] for point in points.tolist()]})
+    data = {"verdict": verdict, "size": size, "middle": ((low + high) / 2).tolist(), "parts": entries}
     text = json.dumps(data | {"front": front, "list": cutting}).replace("</", "<\\/")
     page = resources.files("jld_cut").joinpath("assets", "parts.html").read_text(encoding="utf-8")
     files.write_text(path, page.replace("/*DATA*/", text, 1))

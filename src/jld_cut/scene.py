@@ -59,6 +59,7 @@ def parse_load(text: str, unit: float) -> Load:
 
 
 def numbers(name: str, text: str, count: int) -> Floats:
+    """Return the numbers of an option; ParameterError unless there are so many."""
     try:
         values = np.array([float(word) for word in text.split(",")])
     except ValueError:
@@ -88,6 +89,7 @@ def _clip(polygon: Floats, box: Floats) -> Floats:
 
 
 def _measure(polygon: Floats) -> tuple[float, Floats]:
+    """Return area and centroid of a plane polygon (k, 3)."""
     if len(polygon) < 3:
         return 0.0, np.zeros(3)
     first, second = polygon[1:-1] - polygon[0], polygon[2:] - polygon[0]
@@ -132,8 +134,8 @@ def outside(cells: list[Any], solid: Any, planes: list[Floats], size: float) -> 
 def facet_of(corners: Floats, size: float) -> Facet:
     """Return triangles (k, 3, 3) with their normals, without those of no area."""
     normals, length = normals_of(corners)
-    kept: Bools = length > 1e-14 * size**2
-    return Facet(corners[kept], normals[kept] / length[kept, None])
+    is_triangle: Bools = length > 1e-14 * size**2
+    return Facet(corners[is_triangle], normals[is_triangle] / length[is_triangle, None])
 
 
 SLIVER: Final = 1e-6  # least share of a load that a cell bears
@@ -197,6 +199,7 @@ class Setting:
 
 
 def held_faces(setting: Setting, facet: Facet, low: float, size: float) -> Facet:
+    """Return the triangles that are supported: in the patches of the setting, or at the bottom."""
     corners, normals = facet.corners, facet.normals
     if not setting.patches:
         is_held = (corners[:, :, 2] < low + 1e-6 * size).all(axis=1) & (normals[:, 2] < -0.9)
@@ -223,18 +226,18 @@ def grounds_of(setting: Setting, solid: Any) -> list[Ground]:
     box = np.array(solid.bounding_box())
     size = float((box[3:] - box[:3]).max())
     points, triangles = surface_of(solid)
-    held = held_faces(setting, facet_of(points[triangles], size), float(box[2]), size)
-    if not len(held.corners):
+    supported = held_faces(setting, facet_of(points[triangles], size), float(box[2]), size)
+    if not len(supported.corners):
         where = "in its box" if setting.patches else "flat on the ground"
         raise ParameterError("support", f"no face of the solid lies {where}", "x0,y0,z0,x1,y1,z1 around whole faces")
-    planes = np.column_stack([-held.normals, -np.einsum("ij,ij->i", held.normals, held.corners[:, 0])])
+    planes = np.column_stack([-supported.normals, -np.einsum("ij,ij->i", supported.normals, supported.corners[:, 0])])
     _, first, plane_of = np.unique(
         np.round(planes / [1e-6, 1e-6, 1e-6, 1e-6 * size]), axis=0, return_index=True, return_inverse=True
     )
     plane_of = plane_of.reshape(-1)
     grounds = []
     for k, plane in enumerate(first.tolist()):
-        corners = held.corners[plane_of == k]
+        corners = supported.corners[plane_of == k]
         region = shapely.union_all(shapely.polygons(corners @ basis(planes[plane, :3]).T))
         grounds.append(Ground(planes[plane], corners.reshape(-1, 3), region))
     return grounds

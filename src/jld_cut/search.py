@@ -128,8 +128,8 @@ def family_of(name: str, title: str, body: Body, wish: Wish) -> Family | None:
     cutting.halve(body.limits)
     joints = cutting.tidy(body.limits)
     document = scene_of(f"{title}, {name}", cutting, joints, wish.setting, BENT, cutting.planes)
-    whole = [joint for joint in joints for region in wish.whole if _meets(joint, region)]
-    return Family(name, cutting, joints, document, [1 << joint.a | 1 << joint.b for joint in whole])
+    uncut = [joint for joint in joints for region in wish.whole if _meets(joint, region)]
+    return Family(name, cutting, joints, document, [1 << joint.a | 1 << joint.b for joint in uncut])
 
 
 def _meets(joint: Joint, region: Region) -> bool:
@@ -238,7 +238,7 @@ def finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _cut_ways(solid: Any, title: str, wish: Wish, say: Callable[[str], None], clock: Clock) -> Iterator[Family]:
+def _cuttings(solid: Any, title: str, wish: Wish, say: Callable[[str], None], clock: Clock) -> Iterator[Family]:
     """Cut a solid in all ways, then again to finer cells while time lasts."""
     body = body_of(solid, wish)
     finer = replace(body.limits, aim=min(body.limits.cells, round(_FINER * body.limits.aim)))
@@ -267,7 +267,7 @@ def search_all(solid: Any, title: str, wish: Wish, clock: Clock, say: Callable[[
     # processes take seconds to start
     jobs = 2 if until - start > _BESIDE and (os.cpu_count() or 1) > 1 else 1
     with Pool(jobs) as pool:
-        for family in _cut_ways(solid, title, wish, messages.append, clock):
+        for family in _cuttings(solid, title, wish, messages.append, clock):
             # two at a time, each round with its share of the time; what is left is for finer cells
             rounds = -(-len(wish.families) // jobs)
             end = start + (until - start) * min(1.0, (len(families) // jobs + 1) / rounds)
@@ -301,17 +301,23 @@ def search_all(solid: Any, title: str, wish: Wish, clock: Clock, say: Callable[[
 
 def told(family: Family, require: float) -> str:
     """Return in words what was found on the cells of a family."""
-    found = family.found
-    solved, branches = (sum(getattr(layouts, name) for layouts in found.of.values()) for name in ("solved", "branches"))
-    best = next((n for n, layouts in sorted(found.of.items()) if len(layouts.low) and layouts.low[0] >= require), None)
-    best = best or max((n for n, layouts in found.of.items() if len(layouts.low)), default=None)
+    outcome = family.found
+    solved, branches = (
+        sum(getattr(layouts, name) for layouts in outcome.of.values()) for name in ("solved", "branches")
+    )
+    best = next(
+        (n for n, layouts in sorted(outcome.of.items()) if len(layouts.low) and layouts.low[0] >= require), None
+    )
+    best = best or max((n for n, layouts in outcome.of.items() if len(layouts.low)), default=None)
     if best is None:
         within = "no layout within the limits on parts and shapes stands" if branches else "no parts fit the box"
         fits = "every layout falls" if solved else within
-        return f"{found.problem or fits}, {solved} layouts and {branches} branches"
-    value = f"λ = {found.of[best].low[0]:.4g}" if np.isfinite(found.of[best].low[0]) else "no load makes it collapse"
-    bound = found.bound(best)
-    proof = ", proven" if found.proven(best) else f", bound {bound:.4g}" if np.isfinite(bound) else ""
+        return f"{outcome.problem or fits}, {solved} layouts and {branches} branches"
+    value = (
+        f"λ = {outcome.of[best].low[0]:.4g}" if np.isfinite(outcome.of[best].low[0]) else "no load makes it collapse"
+    )
+    bound = outcome.bound(best)
+    proof = ", proven" if outcome.proven(best) else f", bound {bound:.4g}" if np.isfinite(bound) else ""
     return f"{solved} layouts and {branches} branches, {best} parts, {value}{proof}"
 
 

@@ -226,10 +226,10 @@ class Certifier:
             )
             more, paid = np.zeros(of_products.shape), np.zeros((len(price), 1))
             more[i, j], paid[g, 0] = solution[: len(i)], solution[len(i) : -1]
-            one, of_live_work, of_bound = (
+            of_equilibrium, of_live_work, of_bound = (
                 BinaryFractions.of(round_to_bits(table, 2 * BITS)) for table in (more, paid, solution[-1:, None])
             )
-            return one, of_live_work, of_bound
+            return of_equilibrium, of_live_work, of_bound
 
         return change
 

@@ -232,6 +232,7 @@ class FixedPointSearch:
         finite = motion.margin >= 0.0 and motion.work > 0.0
         size = max(abs(motion.bound), abs(state.load), self.load_scale)
         if not finite or raw.status is RawStatus.UNBOUNDED or motion.bound - state.load > tolerances.GAP * size:
+            # a proof of the frozen problem may find a motion of a lower bound, or that it is locked
             proof = self.analysis.with_template(template, labels).prove(labels)
             self.solves += proof.solves
             locked = proof.status is Status.LOCKED
@@ -285,11 +286,11 @@ class FixedPointSearch:
         # The iteration ends with a locked pair, with a solution, or after `options.most` programs. With effective
         # areas, later rounds hold the forces and omit proximal steps: such steps move the forces along the many
         # solutions, and the areas would follow.
-        options, held = self.options, None
+        options, held_load = self.options, None
         self.last_feasible, self.program_limit = forces[: self.count], self.solves + self.options.most
         alpha, dual, share, last = options.alpha, np.zeros(0), 1.0, np.zeros(self.count)
         while True:
-            if held is None:
+            if held_load is None:
                 for step in range(options.block + 1):
                     checkpoint()
                     raw = self.step_from(forces, alpha if step < options.block else 0.0)
@@ -304,7 +305,7 @@ class FixedPointSearch:
                     self._record(forces, raw, alpha if step < options.block else 0.0)
                     alpha = 0.1 * alpha if alpha > 1e-6 else 0.0
             areas = self.areas(forces)
-            state = self.minimise_gap(forces, dual, areas, held)
+            state = self.minimise_gap(forces, dual, areas, held_load)
             if areas is not None:
                 state, areas = self.settle_areas(state, dual, areas)
             pair = self.evaluate_pair(state, areas)
@@ -321,7 +322,7 @@ class FixedPointSearch:
                 return
             forces = self.last_feasible = state.forces.ravel()
             if areas is not None and pair.motion is not None:
-                held, dual = self.margin, pair.motion.velocity
+                held_load, dual = self.margin, pair.motion.velocity
 
     def _record(self, forces: Floats, raw: RawSolution, alpha: float) -> None:
         """Add a step of frozen friction to the history: λ, and what its forces and velocities violate."""

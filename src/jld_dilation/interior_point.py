@@ -34,11 +34,9 @@ class NormalEquations:
     """Normal equations Σ d_kl (y_k z_l)(y_k z_l)ᵀ + d (b_λ·u)(b_λ·u)ᵀ + shift of an interior-point step over (Z, T)."""
 
     def __init__(self, space: ProductSpace, used: Bools, groups: Ints) -> None:
-        """Prepare elimination order and tables of a space.
-
-        used: (r, forms) weights that may be positive; slides of lone faces have their own slacks and 1 only. groups:
-        (w,) group in which each velocity is eliminated.
-        """
+        """Prepare elimination order and tables of a space."""
+        # used: (r, forms) weights that may be positive; slides of lone faces have their own slacks and 1 only. groups:
+        # (w,) group in which each velocity is eliminated.
         self.space = space
         slides = np.concatenate([4 * space.lone + 2, 4 * space.lone + 3])
         modes = np.flatnonzero(used.any(axis=0))

@@ -44,8 +44,8 @@ class LinearRows:
 
     def bound(self, rows: slice, low: Floats, high: Floats) -> None:
         """Change the bounds (k,) of consecutive rows for the minimisations that follow."""
-        place = np.arange(rows.start, rows.stop, dtype=np.int32)
-        self._highs.changeRowsBounds(len(place), place, highs_ends(low), highs_ends(high))
+        index = np.arange(rows.start, rows.stop, dtype=np.int32)
+        self._highs.changeRowsBounds(len(index), index, highs_ends(low), highs_ends(high))
 
     def minimise(self, objective: Floats) -> LinearAnswer:
         self._highs.changeColsCost(len(self._columns), self._columns, np.ascontiguousarray(objective))
@@ -355,12 +355,12 @@ class Statics:
 
     def proven_positive(self, forms: Floats, tested: Bools) -> Bools:
         """Return which `tested` (k,) forms (k, 3m + 2) are proven positive in every state."""
-        proven, seen = np.zeros(len(forms), dtype=bool), np.where(tested, np.inf, 0.0)
+        proven, bound = np.zeros(len(forms), dtype=bool), np.where(tested, np.inf, 0.0)
         for row in range(len(forms)):
-            if seen[row] > _SEEN:
+            if bound[row] > _SEEN:
                 answer = self._rows.minimise(forms[row, :-1])
-                seen = np.minimum(seen, forms @ np.append(answer.point, 1.0)) if answer.found else seen
-                proven[row] = answer.found and seen[row] > _MOVES_NOT and self.least(forms[row]) > _MOVES_NOT / 2
+                bound = np.minimum(bound, forms @ np.append(answer.point, 1.0)) if answer.found else bound
+                proven[row] = answer.found and bound[row] > _MOVES_NOT and self.least(forms[row]) > _MOVES_NOT / 2
         return proven
 
     def _bound(self, objective: Floats) -> tuple[float, Floats]:
@@ -400,13 +400,13 @@ def bound_velocities(statics: Statics) -> Floats | None:
     if not np.isfinite(sizes).all():
         return None  # self-stress is unbounded
     capacity = abs(modes.capacities) @ sizes
-    taken = np.zeros((0, loose.shape[1]))
+    chosen_rows = np.zeros((0, loose.shape[1]))
     # faces by the size of their slip in motions without opening, largest first
     for face in np.argsort(-np.linalg.norm(jumps[:, 1] @ loose, axis=1), kind="stable").tolist():
-        if len(taken) == loose.shape[1]:
+        if len(chosen_rows) == loose.shape[1]:
             break
         slip = jumps[face, 1] @ loose
-        if np.linalg.matrix_rank(np.vstack([taken, slip]), tol=1e-9) == len(taken):
+        if np.linalg.matrix_rank(np.vstack([chosen_rows, slip]), tol=1e-9) == len(chosen_rows):
             continue
         others = jumps[:, 1] @ loose
         sign = np.where(others @ slip >= 0.0, 1.0, -1.0)
@@ -420,10 +420,10 @@ def bound_velocities(statics: Statics) -> Floats | None:
             drift, float(capacity[together].sum() * abs(difference - by_openings @ openings).sum(axis=1).max() / least)
         )
         spread = float(capacity[together].sum() * abs(by_openings).max(initial=0.0))
-        taken = np.vstack([taken, slip])
+        chosen_rows = np.vstack([chosen_rows, slip])
         rows.append(jumps[face, 1][None])
         shares.append(np.array([(1.0 + spread) / least]))
-    if len(taken) < loose.shape[1]:
+    if len(chosen_rows) < loose.shape[1]:
         return None  # some loose motion costs nothing
     stacked, per_cost = np.vstack(rows), np.concatenate(shares)
     back = np.linalg.pinv(stacked, rcond=1e-12)

@@ -132,8 +132,8 @@ class LocalProductSpace:
         at = np.empty(count + faces, dtype=np.int64)
         for part in range(int(name.max()) + 1):
             members = np.flatnonzero(name == part)
-            own = [near[members[members < count]], of_face[members[members >= count] - count]]
-            inside = np.asarray(np.vstack(own).any(axis=0))
+            members_by_side = [near[members[members < count]], of_face[members[members >= count] - count]]
+            inside = np.asarray(np.vstack(members_by_side).any(axis=0))
             number = sets.setdefault(inside.tobytes(), len(sets))
             if number == len(elements):
                 elements.append(inside)
@@ -163,28 +163,28 @@ class LocalProductSpace:
         # A state holds (F, λ, 1); forces that the set does not use are zero.
         out = []
         for number in range(len(self.elements)):
-            rows, places = self.forces(number)
-            part = statics[np.ix_(rows, places)]
+            rows, columns = self.forces(number)
+            part = statics[np.ix_(rows, columns)]
             free = null_space(part / row_maxima(part)[:, None])
             basis = np.zeros((statics.shape[1], free.shape[1]))
-            basis[places] = free
+            basis[columns] = free
             out.append(basis)
         return tuple(out)
 
     def equilibrium(self, statics: Floats, residual: Floats) -> Floats:
         """Return multipliers of equilibrium (3n, 3n + m) that reduce a residual the most, set by set."""
-        out = np.zeros((len(statics), residual.shape[1]))
+        multipliers = np.zeros((len(statics), residual.shape[1]))
         for number in range(len(self.elements)):
-            rows, places = self.forces(number)
+            rows, positions = self.forces(number)
             columns = np.flatnonzero(self._of == number)
-            out[np.ix_(rows, columns)] = self._inverse(number, statics) @ residual[np.ix_(places, columns)]
-        return out
+            multipliers[np.ix_(rows, columns)] = self._inverse(number, statics) @ residual[np.ix_(positions, columns)]
+        return multipliers
 
     def _inverse(self, number: int, statics: Floats) -> Floats:
         """Return the cached pseudo-inverse of the transposed equilibrium of one set."""
         if number not in self._inverses:
-            rows, places = self.forces(number)
-            self._inverses[number] = np.asarray(np.linalg.pinv(statics[np.ix_(rows, places)].T, rcond=1e-12))
+            rows, columns = self.forces(number)
+            self._inverses[number] = np.asarray(np.linalg.pinv(statics[np.ix_(rows, columns)].T, rcond=1e-12))
         return self._inverses[number]
 
     @cached_property

@@ -205,9 +205,9 @@ def load_range(
         )
     lowest, highest = found.lowest, found.highest
     if lowest is None or highest is None:
-        none = _proof_without_solution(pair_proof(associative, analysis, found.best, search.fixed_point.solves))
+        unsolved = _proof_without_solution(pair_proof(associative, analysis, found.best, search.fixed_point.solves))
         # If time was up before any pair was tried, the associative status does not apply.
-        return none if found.best is not None else replace(none, status=Status.UNCERTIFIED)
+        return unsolved if found.best is not None else replace(unsolved, status=Status.UNCERTIFIED)
     proof = pair_proof(associative, analysis, lowest, search.fixed_point.solves)
     above = pair_proof(associative, analysis, highest, search.fixed_point.solves)
     solve_options = replace(analysis.options, friction="zero-dilation", effective_area=proximal.effective_area)
@@ -237,6 +237,7 @@ def _lower_bound(
 
 
 def _planar_bound(analysis: LimitAnalysis, labels: Bits, search: MultiStartSearch, seconds: float) -> LowerBound | None:
+    """Return the lower bound of planar scenes, None without compression modes."""
     ends, modes = search.found, search.modes
     if modes is None:
         return None

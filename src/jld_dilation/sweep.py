@@ -376,6 +376,7 @@ class MultiStartSearch:
         self._ends = list[float]()  # Scaled λ at the end of each descent.
 
     def search(self, thorough: bool = True, sufficient_load: float = -math.inf) -> Found:
+        """Search from all starts until a solution is as low as `sufficient_load`; return what was found."""
         for forces in starts(self.fixed_point, self.associative, thorough):
             self.search_from(forces)
             if self.found.lowest_load <= sufficient_load:

@@ -95,12 +95,12 @@ def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
     """Return the lowest and highest λ without dilation, and the proven bound on the lowest."""
     planar = assembly.dimension == 2
     model = Model(friction="zero-dilation", range=planar, floor_seconds=_FLOOR)
-    found = solve_rigid(assembly, labels, model)
-    if found.status is not Status.COLLAPSE:
+    result = solve_rigid(assembly, labels, model)
+    if result.status is not Status.COLLAPSE:
         return {"zero_dilation_lowest": None, "zero_dilation_highest": None, "zero_dilation_proven": None}
-    highest = found.facts["highest_found"] if planar else found.load_factor
-    proven = found.facts["lowest_proven"] if planar else None
-    lowest = found.load_factor
+    highest = result.facts["highest_found"] if planar else result.load_factor
+    proven = result.facts["lowest_proven"] if planar else None
+    lowest = result.load_factor
     return {"zero_dilation_lowest": lowest, "zero_dilation_highest": highest, "zero_dilation_proven": proven}
 
 

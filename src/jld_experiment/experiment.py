@@ -210,8 +210,8 @@ def push(
 Row = tuple[float, float, float, float, float]
 
 
-def _rows(found: Push) -> list[Row]:
-    columns = (found.distance, found.load_factor, found.unbalanced, found.broken.astype(float), found.energy_error)
+def _rows(push: Push) -> list[Row]:
+    columns = (push.distance, push.load_factor, push.unbalanced, push.broken.astype(float), push.energy_error)
     return [(a, b, c, d, e) for a, b, c, d, e in np.column_stack(columns).tolist()]
 
 
@@ -264,22 +264,22 @@ def ramp(specimen: Specimen, settled: State, scale: float, first: float = 0.1, w
         trial = copied(state)
         ends = (low * scale, there * scale)
         specimen.march(trial, round(20.0 * specimen.system.period), load_factor=ends)
-        found = specimen.rest(trial, there * scale)
-        if found is Standing.RESTS:
+        standing = specimen.rest(trial, there * scale)
+        if standing is Standing.RESTS:
             low, state = there, trial
         else:
-            fails, how = there, found
+            fails, how = there, standing
     return Ramp(low * scale, fails * scale, how, state)
 
 
 _STATES = ("at_collapse", "at_end")
 
 
-def write_push(path: Path, found: Push) -> None:
+def write_push(path: Path, push: Push) -> None:
     """Write a push with its states to a file of NumPy arrays (.npz), with all digits."""
     arrays = dict[str, Any]()
-    for entry in fields(found):
-        value = getattr(found, entry.name)
+    for entry in fields(push):
+        value = getattr(push, entry.name)
         if entry.name in _STATES:
             arrays |= {f"{entry.name}.{name}": array for name, array in _arrays(value).items()}
         else:
@@ -296,24 +296,24 @@ def read_push(path: Path, specimen: Specimen) -> Push:
     for name in _STATES:
         fresh = specimen.fresh()
         for key, array in _arrays(fresh).items():
-            found = arrays.get(f"{name}.{key}")
-            if found is None or found.shape != array.shape:
+            loaded = arrays.get(f"{name}.{key}")
+            if loaded is None or loaded.shape != array.shape:
                 problem = f"{name}.{key} does not fit the structure and settings"
                 raise InputError(str(path), problem, "a file of the same scene, labels and settings")
-            array[...] = found
+            array[...] = loaded
         states[name] = fresh
-    rest = {field.name: arrays[field.name] for field in fields(Push) if field.name not in _STATES}
+    other_fields = {field.name: arrays[field.name] for field in fields(Push) if field.name not in _STATES}
     for name in ("periods", "rising", "stopped"):
-        rest[name] = rest[name].item()
-    return Push(**states, **rest)
+        other_fields[name] = other_fields[name].item()
+    return Push(**states, **other_fields)
 
 
 def _arrays(state: State) -> dict[str, Any]:
     """Return all arrays of a state by name; those of its geometry begin with "geometry."."""
-    found = {field.name: getattr(state, field.name) for field in fields(state) if field.name != "geometry"}
+    arrays = {field.name: getattr(state, field.name) for field in fields(state) if field.name != "geometry"}
     if state.geometry is not None:
-        found |= {f"geometry.{name}": array for name, array in state.geometry._asdict().items()}
-    return found
+        arrays |= {f"geometry.{name}": array for name, array in state.geometry._asdict().items()}
+    return arrays
 
 
 def require_one_load(assembly: Assembly) -> None:
@@ -443,9 +443,9 @@ def run_experiment(
         If a material is missing, a setting is invalid, or there are load cases.
     """
     require_one_load(assembly)
-    own = structures.labels_of(assembly, labels)
+    layout_labels = structures.labels_of(assembly, labels)
     joints, settings = joints or Joints(), settings or Settings()
-    specimen = specimen_of(assembly, own, joints, settings)
+    specimen = specimen_of(assembly, layout_labels, joints, settings)
     settled, standing = specimen.settle()
     if standing is not Standing.RESTS:
         return _nothing(specimen, joints, standing, settled.moved)
@@ -454,13 +454,13 @@ def run_experiment(
         return _nothing(specimen, joints, standing, settled.moved, rising=scale > 0.0)
     fast = push(specimen, settled, scale, settings.periods)
     slow = push(specimen, settled, scale, settings.periods * settings.slower)
-    found = slow.load_factor[slow.collapse]
+    load = slow.load_factor[slow.collapse]
     area = specimen.points.place[:, -1]
-    broken = np.bincount(specimen.points.face, weights=area * slow.at_end.broken, minlength=len(own))
+    broken = np.bincount(specimen.points.face, weights=area * slow.at_end.broken, minlength=len(layout_labels))
     first = np.flatnonzero(slow.broken > int(settled.broken.sum()))
     return Curve(
         assembly=assembly,
-        labels=own,
+        labels=layout_labels,
         joints=joints,
         settings=settings,
         standing=standing,
@@ -471,8 +471,8 @@ def run_experiment(
         faster=np.column_stack([fast.distance, fast.load_factor]),
         reach=specimen.system.reach,
         collapse=slow.collapse,
-        collapse_load=float(found),
-        rate_error=float(abs(fast.load_factor[fast.collapse] / found - 1.0)),
+        collapse_load=float(load),
+        rate_error=float(abs(fast.load_factor[fast.collapse] / load - 1.0)),
         rising=fast.rising or slow.rising,
         at_collapse=slow.at_collapse.moved - settled.moved,
         at_end=slow.at_end.moved - settled.moved,

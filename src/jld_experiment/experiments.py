@@ -52,8 +52,6 @@ class Experiments:
     def __post_init__(self) -> None:
         """Read the experiments on disk; raise InputError if the file is damaged."""
         self.pool = Pool(self.jobs, cluster=True)
-        import pandas as pd  # Imported here and below because pandas is slow to import and only tables need it.
-
         path = self.folder / FILE
         if path.exists():
             try:
@@ -67,17 +65,17 @@ class Experiments:
             self.rows = {str(row["labelling"]): {str(k): v for k, v in row.items()} for row in table.to_dict("records")}
 
     @property
-    def late(self) -> bool:
+    def is_late(self) -> bool:
         return self.deadline.passed()
 
-    def run(self, wanted: list[tuple[str, float]]) -> None:
+    def run(self, layouts: list[tuple[str, float]]) -> None:
         """Run experiments on layouts that are not on disk yet, until the deadline passes."""
-        fresh = [(name, value) for name, value in wanted if name not in self.rows]
+        fresh = [(name, value) for name, value in layouts if name not in self.rows]
         for part in _portions(fresh, self.jobs):
-            if self.late:
+            if self.is_late:
                 return
-            found = self.pool.run(one_experiment, [(self.assembly, name, value) for name, value in part])
-            self.rows |= {row["labelling"]: row for row in found}
+            rows = self.pool.run(one_experiment, [(self.assembly, name, value) for name, value in part])
+            self.rows |= {row["labelling"]: row for row in rows}
             files.write_text(self.folder / FILE, csv_of(self.table()))
 
     def table(self) -> pd.DataFrame:
@@ -99,6 +97,7 @@ def _portions(rows: list[tuple[str, float]], size: int) -> Iterator[list[tuple[s
 
 
 def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[str, Any]:
+    """Run the experiment on a layout; return its row of the table."""
     # A layout that does not stand under its dead loads carries 0.
     from jld_experiment import run_experiment
 
@@ -116,26 +115,26 @@ def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[st
     }
 
 
-def best_by_load_factor(done: Exploration, count: int) -> list[tuple[str, float]]:
+def best_by_load_factor(exploration: Exploration, count: int) -> list[tuple[str, float]]:
     """List text and associative λ of at most `count` collapsing layouts, in order of the results."""
-    ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(count)
+    ranked = exploration.results[exploration.results["status"] == str(Status.COLLAPSE)].head(count)
     return [(str(a), float(b)) for a, b in zip(ranked["labelling"], ranked["load_factor_associative"], strict=True)]
 
 
 def search_by_experiment(
-    experiments: Experiments, done: Exploration, space: SearchSpace, model: SolveOptions, budget: int, seed: int
+    experiments: Experiments, exploration: Exploration, space: SearchSpace, model: SolveOptions, budget: int, seed: int
 ) -> None:
     """Search by experiment with the genetic driver, starting from the best layouts by λ."""
     # the initial layouts use a third of `budget`, which limits the number of all experiments
-    seeds = best_by_load_factor(done, max(2, budget // 3))
+    seeds = best_by_load_factor(exploration, max(2, budget // 3))
     experiments.run(seeds)
     driver = make_driver("genetic", space, seed, aim="best")
     evaluator = Evaluator(experiments.assembly, EvaluatorSettings(model=model))
-    known = [name for name, _ in seeds if name in experiments.rows]
-    if known:
-        driver.tell(np.array([from_string(name) for name in known]), [_worth(experiments, name) for name in known])
+    tested = [name for name, _ in seeds if name in experiments.rows]
+    if tested:
+        driver.tell(np.array([from_string(name) for name in tested]), [_measured(experiments, name) for name in tested])
     idle = 0
-    while len(experiments.rows) < budget and not experiments.late and idle < _MOST_IDLE:
+    while len(experiments.rows) < budget and not experiments.is_late and idle < _MOST_IDLE:
         labellings = driver.ask(PORTION)
         if not len(labellings):
             return
@@ -152,25 +151,25 @@ def search_by_experiment(
         ]
         experiments.run(stronger[: budget - len(experiments.rows)])
         idle = 0 if len(experiments.rows) > before else idle + len(names)
-        driver.tell(labellings, _told(experiments, names, evaluations))
+        driver.tell(labellings, _for_driver(experiments, names, evaluations))
 
 
-def _told(experiments: Experiments, names: list[str], evaluations: list[Evaluation]) -> list[Evaluation]:
+def _for_driver(experiments: Experiments, names: list[str], evaluations: list[Evaluation]) -> list[Evaluation]:
     """Return the evaluations that the driver receives: measured ones, else half of λ."""
     return [
-        _worth(experiments, name) if name in experiments.rows else _below(evaluation)
+        _measured(experiments, name) if name in experiments.rows else _estimated(evaluation)
         for name, evaluation in zip(names, evaluations, strict=True)
     ]
 
 
-def _worth(experiments: Experiments, name: str) -> Evaluation:
+def _measured(experiments: Experiments, name: str) -> Evaluation:
     """Return an evaluation whose λ is the load carried in an experiment."""
     row = experiments.rows[name]
     status = Status.COLLAPSE if row["stands"] and np.isfinite(row["experiment"]) else Status.UNSTABLE
     return Evaluation(status, np.nan, float(row["load_factor"]), float(row["experiment"]))
 
 
-def _below(evaluation: Evaluation) -> Evaluation:
+def _estimated(evaluation: Evaluation) -> Evaluation:
     """Return an evaluation with half of the associative λ, about what brittle faces carry, if it collapses."""
     if evaluation.status is not Status.COLLAPSE:
         return evaluation
@@ -206,28 +205,28 @@ class ExperimentStep(Step):
         return with_experiments(done, experiments, settings.by_experiment)
 
 
-def with_experiments(done: Exploration, experiments: Experiments, objective: bool) -> Exploration:
+def with_experiments(exploration: Exploration, experiments: Experiments, objective: bool) -> Exploration:
     """Return the study with a column `experiment`, NaN where none was made, and facts in its summary."""
     # `none_better`: no layout without a certified experiment has a larger λ than the most carried, and none with one
     # carried over ACCURACY more than its λ
     # Nothing is written. Layouts without an experiment have NaN.
     rows = experiments.rows
-    values = [rows[name]["experiment"] if name in rows else np.nan for name in done.results["labelling"]]
+    values = [rows[name]["experiment"] if name in rows else np.nan for name in exploration.results["labelling"]]
     table = experiments.table()
     ranked = table[table["status"] == "collapse"]
     # A layout without λ has no upper bound on its experiment.
-    unknown = {"locked", "uncertified", "failed"} & set(done.summary.counts_by_status)
-    complete = done.summary.stop_reason == "exhausted" and len(ranked) > 0 and not unknown
-    settled = table[~table["status"].isin(["uncertified", "locked"])]["labelling"]
-    left = done.results[~done.results["labelling"].isin(settled)]["load_factor_associative"]
+    unknown = {"locked", "uncertified", "failed"} & set(exploration.summary.counts_by_status)
+    complete = exploration.summary.stop_reason == "exhausted" and len(ranked) > 0 and not unknown
+    decided = table[~table["status"].isin(["uncertified", "locked"])]["labelling"]
+    untested = exploration.results[~exploration.results["labelling"].isin(decided)]["load_factor_associative"]
     bounded = ranked[ranked["load_factor"] > 0.0]
     most = float((bounded["experiment"] / bounded["load_factor"]).max()) if len(bounded) else None
     contradicted = False
-    if most is not None and len(left):  # Without untested layouts nothing is assumed that could be contradicted.
+    if most is not None and len(untested):  # Without untested layouts nothing is assumed that could be contradicted.
         from jld_experiment.settings import ACCURACY
 
         contradicted = most > 1.0 + ACCURACY
-    none_better = bool(complete and not contradicted and not (left > experiments.best).any())
+    none_better = bool(complete and not contradicted and not (untested > experiments.best).any())
     facts = {
         "runs": len(table),
         "best": None if ranked.empty else float(ranked["experiment"].iloc[0]),
@@ -236,10 +235,10 @@ def with_experiments(done: Exploration, experiments: Experiments, objective: boo
         "uncertified": int((table["status"] == "uncertified").sum()),
         "most_over_load_factor": most,
         "none_better": none_better,
-        "none_better_assumes": ASSUMPTION if none_better and len(left) else None,
+        "none_better_assumes": ASSUMPTION if none_better and len(untested) else None,
         "searched": objective,
     }
-    return with_entries(done, {"experiment": facts}, {"experiment": values})
+    return with_entries(exploration, {"experiment": facts}, {"experiment": values})
 
 
 PUSHED, FASTER, LIMIT = "#1B1B1B", "#D55E00", "#0072B2"
@@ -257,17 +256,17 @@ def status_of(curve: Curve) -> str:
 def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
     """Return the data of `jld experiment --json`: status, loads, their accuracy and settings."""
     # Numbers that are not finite are None.
-    found = curve.collapse_load
+    load = curve.collapse_load
     joints, settings = curve.joints, curve.settings
     return {
         "name": curve.assembly.name,
         "status": status_of(curve),
-        "collapse_load": number(found),
+        "collapse_load": number(load),
         "load_factor": number(load_factor),
-        "ratio": number(found / load_factor if load_factor > 0.0 else np.nan),
+        "ratio": number(load / load_factor if load_factor > 0.0 else np.nan),
         "stands": curve.stands,
-        "rate_error": number(curve.rate_error) if curve.stands and np.isfinite(found) else None,
-        "accuracy": number(curve.accuracy) if curve.stands and np.isfinite(found) else None,
+        "rate_error": number(curve.rate_error) if curve.stands and np.isfinite(load) else None,
+        "accuracy": number(curve.accuracy) if curve.stands and np.isfinite(load) else None,
         "first_crack": number(curve.first_crack),
         "unbalanced": number(float(curve.unbalanced[curve.collapse])) if len(curve.unbalanced) else None,
         "cracked_faces": int(np.count_nonzero(curve.cracked > 0.0)),
@@ -369,8 +368,8 @@ def figure_of(
     axes = figure.subplots(1, 3, width_ratios=(1.15, 1.0, 1.0))
     draw_curve(axes[0], curve, result.load_factor, band, proven)
     titles = ("end of the experiment", "mechanism of limit analysis")
-    for ax, shown, title in zip(axes[1:], (end_state(curve, result), result), titles, strict=True):
-        figures.draw_mechanism(ax, shown)
+    for ax, motion, title in zip(axes[1:], (end_state(curve, result), result), titles, strict=True):
+        figures.draw_mechanism(ax, motion)
         ax.set_title(title, fontsize=10)
     joints = curve.joints
     dilation = "dilation = friction" if joints.dilation == "friction" else f"dilation {joints.dilation:g}"

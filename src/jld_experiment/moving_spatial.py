@@ -14,18 +14,18 @@ from jld_experiment.subcontacts import Bench, Motion, SubContacts, compiled, num
 
 def triangles_of(vertices: Floats, faces: tuple[tuple[int, ...], ...]) -> tuple[Floats, Ints]:
     """Cut the faces of a solid (v, 3) by ear clipping: triangles (t, 3, 3), and the face (t,) of each."""
-    table, which = [], []
+    triangles, face_of = [], []
     for number, face in enumerate(faces):
-        left = list(face)
-        normal = area_vector(vertices[left])
-        while len(left) > 3:
-            ear = next((k for k in range(len(left)) if _is_ear(vertices, left, k, normal)), 0)
-            table.append(vertices[[left[ear - 1], left[ear], left[(ear + 1) % len(left)]]])
-            which.append(number)
-            del left[ear]
-        table.append(vertices[left])
-        which.append(number)
-    return np.array(table), np.array(which)
+        ring = list(face)
+        normal = area_vector(vertices[ring])
+        while len(ring) > 3:
+            ear = next((k for k in range(len(ring)) if _is_ear(vertices, ring, k, normal)), 0)
+            triangles.append(vertices[[ring[ear - 1], ring[ear], ring[(ear + 1) % len(ring)]]])
+            face_of.append(number)
+            del ring[ear]
+        triangles.append(vertices[ring])
+        face_of.append(number)
+    return np.array(triangles), np.array(face_of)
 
 
 def _is_ear(vertices: Floats, ring: list[int], k: int, normal: Floats) -> bool:
@@ -40,24 +40,24 @@ def _is_ear(vertices: Floats, ring: list[int], k: int, normal: Floats) -> bool:
 
 
 @compiled
-def turned(matrix: Floats, arm: Floats, out: Floats) -> None:
+def rotate(matrix: Floats, arm: Floats, out: Floats) -> None:
     for i in range(3):
         out[i] = matrix[i, 0] * arm[0] + matrix[i, 1] * arm[1] + matrix[i, 2] * arm[2]
 
 
 @compiled
-def turned_back(matrix: Floats, arm: Floats, out: Floats) -> None:
+def rotate_back(matrix: Floats, arm: Floats, out: Floats) -> None:
     for i in range(3):
         out[i] = matrix[0, i] * arm[0] + matrix[1, i] * arm[1] + matrix[2, i] * arm[2]
 
 
 @compiled
-def dot(one: Floats, two: Floats) -> float:
-    return float(one[0] * two[0] + one[1] * two[1] + one[2] * two[2])
+def dot(a: Floats, b: Floats) -> float:
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 @compiled
-def pressed(force: Floats, element: int, arm: Floats, part: Floats, sign: float) -> None:
+def add_force(force: Floats, element: int, arm: Floats, part: Floats, sign: float) -> None:
     """Add `sign` × a force (3,) at an arm (3,) from an element's centroid, with its moment, to `force` (n, 6)."""
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -67,14 +67,14 @@ def pressed(force: Floats, element: int, arm: Floats, part: Floats, sign: float)
 
 @compiled
 def is_among(table: Ints, row: int, value: int) -> bool:
-    found = False
+    among = False
     for k in range(table.shape[1]):
-        found = found or table[row, k] == value
-    return found
+        among = among or table[row, k] == value
+    return among
 
 
 @compiled
-def beyond(x: float, y: float, low: int, high: int, rim: Floats) -> float:
+def distance_outside(x: float, y: float, low: int, high: int, rim: Floats) -> float:
     """Return the distance of (x, y) from the polygon of rows low … high − 1 of `rim`, 0 inside."""
     within, least = False, np.inf
     for k in range(low, high):
@@ -179,14 +179,14 @@ class Plane(NamedTuple):
 def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Plane:
     """Return the data of a planar assembly at rest; kn, ks: (m,) springs, stress per length."""
     faces, elements = assembly.interfaces, assembly.elements
-    at = faces.origin[points.face] + points.place[:, :1] * faces.e1[points.face]
-    near, far = at - elements.centroid[faces.a[points.face]], at - elements.centroid[faces.b[points.face]]
+    middle = faces.origin[points.face] + points.place[:, :1] * faces.e1[points.face]
+    near, far = middle - elements.centroid[faces.a[points.face]], middle - elements.centroid[faces.b[points.face]]
     thickness = faces.l2[points.face]
     counts = [len(shape) for shape in elements.shape]
     corner = np.repeat(np.arange(len(elements)), counts)
-    places = np.concatenate(elements.shape)
+    corners = np.concatenate(elements.shape)
     typical = float(np.median(np.sqrt(elements.volume[elements.free] / float(np.median(faces.l2)))))
-    pair = near_corners(assembly, corner, places, typical)
+    pair = near_corners(assembly, corner, corners, typical)
     return Plane(
         centre=elements.centroid,
         near=near,
@@ -194,7 +194,7 @@ def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
         share=points.place[:, 1] / thickness,
         half=0.5 * faces.l1,
         corner=corner,
-        arm=places - elements.centroid[corner],
+        arm=corners - elements.centroid[corner],
         pair=pair,
         barred=_edges_in_contact(assembly, corner, pair),
         edge_first=np.concatenate([[0], np.cumsum(counts)]),
@@ -211,34 +211,34 @@ def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
 def corner_springs(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, typical: float) -> Floats:
     """Return the constants of corner contacts, `Plane.spring` (6,), as medians over the faces."""
     size = float(np.median(np.bincount(points.face, weights=points.place[:, -1]) / np.bincount(points.face)))
-    known = assembly.strengths(_ROUTE).friction
-    known = known[np.isfinite(known)]
-    friction = float(np.median(known)) if known.size else 0.0
+    coefficients = assembly.strengths(_ROUTE).friction
+    coefficients = coefficients[np.isfinite(coefficients)]
+    friction = float(np.median(coefficients)) if coefficients.size else 0.0
     lengths = (CLEARANCE * typical, _NEAR * typical, 0.0)
     return np.array([float(np.median(kn)) * size, float(np.median(ks)) * size, friction, *lengths])
 
 
-def near_corners(assembly: Assembly, corner: Ints, places: Floats, typical: float) -> Ints:
-    """Return the pairs (p, 2) of a corner, at places (c, d), and another element that may meet."""
+def near_corners(assembly: Assembly, corner: Ints, points: Floats, typical: float) -> Ints:
+    """Return the pairs (p, 2) of a corner, at points (c, d), and another element that may meet."""
     # Near corners lie within one typical size of the bounding box of the element. Pairs of two supports are left out.
     elements, around = assembly.elements, _AROUND * typical
-    found = []
+    pairs = []
     for other in range(len(elements)):
         low, high = elements.lower[other] - around, elements.upper[other] + around
-        close = np.flatnonzero(np.all((places > low) & (places < high), axis=1) & (corner != other))
-        still = elements.support[corner[close]] & elements.support[other]
-        found += [(c, other) for c in close[~still].tolist()]
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+        close = np.flatnonzero(np.all((points > low) & (points < high), axis=1) & (corner != other))
+        supports = elements.support[corner[close]] & elements.support[other]
+        pairs += [(c, other) for c in close[~supports].tolist()]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 def contacts_of(assembly: Assembly) -> dict[tuple[int, int], list[int]]:
     """Return the faces between every two elements in contact, by the pair in either order."""
-    faces, found = assembly.interfaces, dict[tuple[int, int], list[int]]()
+    faces, contacts = assembly.interfaces, dict[tuple[int, int], list[int]]()
     for face in range(len(faces)):
         a, b = int(faces.a[face]), int(faces.b[face])
-        found.setdefault((a, b), []).append(face)
-        found.setdefault((b, a), []).append(face)
-    return found
+        contacts.setdefault((a, b), []).append(face)
+        contacts.setdefault((b, a), []).append(face)
+    return contacts
 
 
 def _edges_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
@@ -292,22 +292,22 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
             e = overlap[k] - (gap - plane.gap[k])
             q = shear[k, 0] - ks * (slid - plane.slid[k])
             plane.gap[k], plane.slid[k] = gap, slid
-            trial, was = (numbers[0] * e, abs(q)), broken[k]
+            trial, was_broken = (numbers[0] * e, abs(q)), broken[k]
             start = (pressure[k], shear[k, 0] if q > 0.0 else -shear[k, 0])
-            e, p, size, broken[k] = sub_contact(e, abs(q), numbers, brittle[f], gaps[f], was)
+            e, p, size, broken[k] = sub_contact(e, abs(q), numbers, brittle[f], gaps[f], was_broken)
             q = size if q > 0.0 else -size
             overlap[k], pressure[k], shear[k, 0] = e, p, q
             deepest = max(deepest, e)
-            here, left = place[k, 0], plane.share[k]
-            kept_b = min(1.0, max(0.0, 1.0 - (abs(here + slid) - plane.half[f]) / left))
-            kept_a = min(1.0, max(0.0, 1.0 - (abs(here - slid) - plane.half[f]) / left))
+            along, length = place[k, 0], plane.share[k]
+            kept_b = min(1.0, max(0.0, 1.0 - (abs(along + slid) - plane.half[f]) / length))
+            kept_a = min(1.0, max(0.0, 1.0 - (abs(along - slid) - plane.half[f]) / length))
             plane.kept[k] = 0.5 * (kept_a + kept_b)
             area = plane.kept[k] * place[k, 1]
             fx, fy = area * (p * nx - q * ny), area * (p * ny + q * nx)
             if area == 0.0:
                 continue
             if size < trial[1] or p != trial[0]:
-                record_loss(motion.work, numbers, area, (dry[f], was, broken[k]), start, trial, (p, size))
+                record_loss(motion.work, numbers, area, (dry[f], was_broken, broken[k]), start, trial, (p, size))
             at = kept_b / (kept_a + kept_b)
             x, y = px + at * (qx - px), py + at * (qy - py)
             force[b, 0] += fx
@@ -333,7 +333,7 @@ def nearest_edge(pair: int, moved: Floats, plane: Plane) -> tuple[int, float, fl
     y -= plane.centre[j, 1] + moved[j, 1]
     x, y = cj * x + sj * y, cj * y - sj * x
     low, high = plane.edge_first[j], plane.edge_first[j + 1]
-    best, least, place, tx, ty, within = 0, np.inf, 0.0, 0.0, 0.0, False
+    best, least, position, tx, ty, within = 0, np.inf, 0.0, 0.0, 0.0, False
     for k in range(low, high):
         after = k + 1 if k + 1 < high else low
         x0, y0 = plane.arm[k, 0], plane.arm[k, 1]
@@ -346,23 +346,23 @@ def nearest_edge(pair: int, moved: Floats, plane: Plane) -> tuple[int, float, fl
         along = min(max((x - x0) * ex + (y - y0) * ey, 0.0), length)
         away = (x - x0 - along * ex) ** 2 + (y - y0 - along * ey) ** 2
         if away < least:
-            best, least, place = k - low, away, along
+            best, least, position = k - low, away, along
             tx, ty = cj * ex - sj * ey, sj * ex + cj * ey
     depth = np.sqrt(least) if within else -np.sqrt(least)
-    return best, depth, place, tx, ty
+    return best, depth, position, tx, ty
 
 
 @compiled
 def near_pairs(moved: Floats, plane: Plane) -> Ints:
     """Return the pairs (k,) whose corner is now near the outline; time steps look at these alone."""
-    found = np.empty(len(plane.pair), dtype=np.int64)
+    near = np.empty(len(plane.pair), dtype=np.int64)
     count = 0
     for pair in range(len(plane.pair)):
         _, depth, _, _, _ = nearest_edge(pair, moved, plane)
         if abs(depth) < plane.spring[4]:
-            found[count] = pair
+            near[count] = pair
             count += 1
-    return found[:count]
+    return near[:count]
 
 
 @compiled
@@ -372,7 +372,7 @@ def corner_forces(pairs: Ints, moved: Floats, force: Floats, plane: Plane) -> No
     kn, ks, friction = plane.spring[0], plane.spring[1], plane.spring[2]
     clearance = plane.spring[3] + plane.spring[5]
     for pair in pairs:
-        edge, depth, place, tx, ty = nearest_edge(pair, moved, plane)
+        edge, depth, position, tx, ty = nearest_edge(pair, moved, plane)
         inside = depth - clearance
         if inside <= 0.0 or edge == plane.barred[pair, 0] or edge == plane.barred[pair, 1]:
             plane.on[pair] = -1
@@ -381,8 +381,8 @@ def corner_forces(pairs: Ints, moved: Floats, force: Floats, plane: Plane) -> No
         if plane.on[pair] != edge:
             plane.on[pair], plane.stuck[pair] = edge, 0.0
         else:
-            plane.stuck[pair] -= ks * (place - plane.place[pair])
-        plane.place[pair] = place
+            plane.stuck[pair] -= ks * (position - plane.place[pair])
+        plane.place[pair] = position
         press = kn * inside
         most = friction * press
         rub = min(most, max(-most, plane.stuck[pair]))
@@ -442,17 +442,17 @@ def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
     """Return the data of a spatial assembly at rest; kn, ks: (m,) springs, stress per length."""
     faces, elements = assembly.interfaces, assembly.elements
     along = points.place[:, :1] * faces.e1[points.face] + points.place[:, 1:2] * faces.e2[points.face]
-    at = faces.origin[points.face] + along
-    near, far = at - elements.centroid[faces.a[points.face]], at - elements.centroid[faces.b[points.face]]
+    middle = faces.origin[points.face] + along
+    near, far = middle - elements.centroid[faces.a[points.face]], middle - elements.centroid[faces.b[points.face]]
     rims = []
     for face in range(len(faces)):
         arm = faces.polygon[face] - faces.origin[face]
         rims.append(np.column_stack([arm @ faces.e1[face], arm @ faces.e2[face]]))
     corner = np.repeat(np.arange(len(elements)), [len(shape) for shape in elements.shape])
-    places = np.concatenate(elements.shape)
+    corners = np.concatenate(elements.shape)
     typical = float(np.median(np.cbrt(elements.volume[elements.free])))
-    pair = near_corners(assembly, corner, places, typical)
-    cut = [triangles_of(elements.shape[k] - elements.centroid[k], elements.faces[k]) for k in range(len(elements))]
+    pair = near_corners(assembly, corner, corners, typical)
+    solids = [triangles_of(elements.shape[k] - elements.centroid[k], elements.faces[k]) for k in range(len(elements))]
     return Space(
         centre=elements.centroid,
         near=near,
@@ -461,12 +461,12 @@ def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
         rim_first=np.concatenate([[0], np.cumsum([len(rim) for rim in rims])]),
         rim=np.concatenate(rims),
         corner=corner,
-        arm=places - elements.centroid[corner],
+        arm=corners - elements.centroid[corner],
         pair=pair,
         barred=_faces_in_contact(assembly, corner, pair),
-        side_first=np.concatenate([[0], np.cumsum([len(which) for _, which in cut])]),
-        sides=np.concatenate([table for table, _ in cut]),
-        side=np.concatenate([which for _, which in cut]),
+        side_first=np.concatenate([[0], np.cumsum([len(face_of) for _, face_of in solids])]),
+        sides=np.concatenate([triangles for triangles, _ in solids]),
+        side=np.concatenate([face_of for _, face_of in solids]),
         flush=_flush_faces(assembly, corner, pair, typical),
         spring=corner_springs(assembly, points, kn, ks, typical),
         turn=np.tile(np.eye(3), (len(elements), 1, 1)),
@@ -482,7 +482,7 @@ def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
 def _faces_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
     """Return (p, k) facets along which a pair's element already touches that of the corner, else −1."""
     contacts, faces, elements = contacts_of(assembly), assembly.interfaces, assembly.elements
-    found = []
+    rows = []
     for c, other in pair.tolist():
         rings = [elements.shape[other][list(side)] for side in elements.faces[other]]
         facets = []
@@ -490,8 +490,8 @@ def _faces_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
             # the facet nearest to the plane of the interface
             away = [abs((ring - faces.origin[face]) @ faces.normal[face]).max() for ring in rings]
             facets.append(int(np.argmin(away)))
-        found.append(facets)
-    return _table(found)
+        rows.append(facets)
+    return _table(rows)
 
 
 def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -> Ints:
@@ -506,14 +506,14 @@ def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -
             normal /= np.linalg.norm(normal)
             rows.append(np.append(typical * normal, ring.mean(axis=0) @ normal))
         planes.append(np.array(rows))
-    found, known = [], dict[tuple[int, int], list[int]]()
+    flush, flush_of = [], dict[tuple[int, int], list[int]]()
     for c, other in pair.tolist():
-        both = int(corner[c]), other
-        if both not in known:
-            apart = abs(planes[other][:, None] - planes[both[0]][None]).max(axis=2)
-            known[both] = np.flatnonzero(apart.min(axis=1) < _FLUSH * typical).tolist()
-        found.append(known[both])
-    return _table(found)
+        elements_of_pair = int(corner[c]), other
+        if elements_of_pair not in flush_of:
+            distance = abs(planes[other][:, None] - planes[elements_of_pair[0]][None]).max(axis=2)
+            flush_of[elements_of_pair] = np.flatnonzero(distance.min(axis=1) < _FLUSH * typical).tolist()
+        flush.append(flush_of[elements_of_pair])
+    return _table(flush)
 
 
 def _table(rows: list[list[int]]) -> Ints:
@@ -588,8 +588,8 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
         ks, numbers = law[f, 1], numbers_of(law, f)
         low, high = space.rim_first[f], space.rim_first[f + 1]
         for k in range(first[f], first[f + 1]):
-            turned(space.turn[a], space.near[k], near)
-            turned(space.turn[b], space.far[k], far)
+            rotate(space.turn[a], space.near[k], near)
+            rotate(space.turn[b], space.far[k], far)
             for i in range(3):
                 jump[i] = between[i] + far[i] - near[i]
             gap, slid1, slid2 = dot(jump, axes[0]), dot(jump, axes[1]), dot(jump, axes[2])
@@ -607,8 +607,8 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
             shear[k, 0], shear[k, 1] = q1, q2
             deepest = max(deepest, e)
             x1, x2, width = place[k, 0], place[k, 1], space.share[k]
-            kept_b = max(0.0, 1.0 - beyond(x1 + slid1, x2 + slid2, low, high, space.rim) / width)
-            kept_a = max(0.0, 1.0 - beyond(x1 - slid1, x2 - slid2, low, high, space.rim) / width)
+            kept_b = max(0.0, 1.0 - distance_outside(x1 + slid1, x2 + slid2, low, high, space.rim) / width)
+            kept_a = max(0.0, 1.0 - distance_outside(x1 - slid1, x2 - slid2, low, high, space.rim) / width)
             space.kept[k] = 0.5 * (kept_a + kept_b)
             area = space.kept[k] * place[k, 2]
             if area == 0.0:
@@ -620,8 +620,8 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
                 part[i] = area * (p * axes[0, i] + q1 * axes[1, i] + q2 * axes[2, i])
                 near[i] += at * jump[i]
                 far[i] -= (1.0 - at) * jump[i]
-            pressed(force, b, far, part, 1.0)
-            pressed(force, a, near, part, -1.0)
+            add_force(force, b, far, part, 1.0)
+            add_force(force, a, near, part, -1.0)
     space.spring[5] = deepest
 
 
@@ -633,10 +633,10 @@ def nearest_side(pair: int, moved: Floats, space: Space, point: Floats, nearest:
     c, j = space.pair[pair, 0], space.pair[pair, 1]
     i = space.corner[c]
     arm, trial = np.empty(3), np.empty(3)
-    turned(space.turn[i], space.arm[c], arm)
+    rotate(space.turn[i], space.arm[c], arm)
     for k in range(3):
         arm[k] += space.centre[i, k] + moved[i, k] - space.centre[j, k] - moved[j, k]
-    turned_back(space.turn[j], arm, point)
+    rotate_back(space.turn[j], arm, point)
     best, least = 0, np.inf
     for t in range(space.side_first[j], space.side_first[j + 1]):
         if is_among(space.flush, pair, space.side[t]):
@@ -664,14 +664,14 @@ def is_inside(point: Floats, pair: int, space: Space) -> bool:
 @compiled
 def near_pairs_in_space(moved: Floats, space: Space) -> Ints:
     """Return the pairs (k,) whose corner is now near its element's surface."""
-    found, count = np.empty(len(space.pair), dtype=np.int64), 0
+    near, count = np.empty(len(space.pair), dtype=np.int64), 0
     point, nearest = np.empty(3), np.empty(3)
     for pair in range(len(space.pair)):
         _, away = nearest_side(pair, moved, space, point, nearest)
         if away < space.spring[4]:
-            found[count] = pair
+            near[count] = pair
             count += 1
-    return found[:count]
+    return near[:count]
 
 
 @compiled
@@ -709,9 +709,9 @@ def corner_forces_in_space(pairs: Ints, moved: Floats, force: Floats, space: Spa
             if rub > friction * press:
                 stuck[k] *= friction * press / rub
             part[k] = press * normal[k] + stuck[k]
-        turned(space.turn[j], part, total)
-        turned(space.turn[i], space.arm[c], arm)
-        pressed(force, i, arm, total, 1.0)
+        rotate(space.turn[j], part, total)
+        rotate(space.turn[i], space.arm[c], arm)
+        add_force(force, i, arm, total, 1.0)
         for k in range(3):
             arm[k] += space.centre[i, k] + moved[i, k] - space.centre[j, k] - moved[j, k]
-        pressed(force, j, arm, total, -1.0)
+        add_force(force, j, arm, total, -1.0)

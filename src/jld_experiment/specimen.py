@@ -39,18 +39,11 @@ def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, s
     elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
     ends = np.column_stack([assembly.interfaces.a, assembly.interfaces.b]).astype(np.int64)
     count = len(elements)
-    stiffness = np.zeros((count, q, count, q))
-    jumps = jump_matrices(assembly)
-    for face, (a, b) in enumerate(ends):
-        part = points.place[points.first[face] : points.first[face + 1]]
-        spring = _spring(part, float(kn[face]), float(ks[face]))
-        block = np.einsum("ji,jk,kl->il", jumps[face], spring, jumps[face])
-        for i, x in enumerate((a, b)):
-            for j, y in enumerate((a, b)):
-                stiffness[x, :, y, :] += block[i * q : (i + 1) * q, j * q : (j + 1) * q]
-    own = stiffness[np.arange(count), :, np.arange(count), :]
-    mass = np.einsum("ijj->i", own[:, :d, :d]) / d
-    inertia = np.einsum("ijj->i", own[:, d:, d:]) / (q - d)
+    stiffness = _stiffness(assembly, points, kn, ks)
+    # masses in proportion to the stiffness, so that all elements have about the same period
+    diagonal = stiffness[np.arange(count), :, np.arange(count), :]
+    mass = np.einsum("ijj->i", diagonal[:, :d, :d]) / d
+    inertia = np.einsum("ijj->i", diagonal[:, d:, d:]) / (q - d)
     free = elements.free
     masses = np.column_stack([mass, inertia])[free]
     scaled = np.repeat(masses**-0.5, (d, q - d), axis=1).ravel()
@@ -65,9 +58,9 @@ def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, s
     radius = np.ones(count)
     squared = masses[:, 1] / masses[:, 0]
     radius[free] = rounded(np.sqrt(squared))
-    own = np.array([2.0 * np.pi * np.sqrt(factor / values[0]), live @ moved[:, 0]])
+    slowest_and_reach = np.array([2.0 * np.pi * np.sqrt(factor / values[0]), live @ moved[:, 0]])
     sizes = np.abs(moved.reshape(-1, q, 2)[:, :d]).max(axis=(0, 1))
-    period, reach, swing, sag = rounded(np.concatenate([own, sizes])).tolist()
+    period, reach, swing, sag = rounded(np.concatenate([slowest_and_reach, sizes])).tolist()
     return System(
         ends=ends,
         frame=_frame(assembly),
@@ -78,6 +71,21 @@ def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, s
         sag=sag,
         swing=swing,
     )
+
+
+def _stiffness(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Floats:
+    """Return the stiffness (n, q, n, q) of all elements on the springs (m,) of faces."""
+    count, q = len(assembly.elements), assembly.freedoms
+    stiffness = np.zeros((count, q, count, q))
+    jumps = jump_matrices(assembly)
+    for face, ends in enumerate(zip(assembly.interfaces.a, assembly.interfaces.b, strict=True)):
+        part = points.place[points.first[face] : points.first[face + 1]]
+        spring = _spring(part, float(kn[face]), float(ks[face]))
+        block = np.einsum("ji,jk,kl->il", jumps[face], spring, jumps[face])
+        for i, x in enumerate(ends):
+            for j, y in enumerate(ends):
+                stiffness[x, :, y, :] += block[i * q : (i + 1) * q, j * q : (j + 1) * q]
+    return stiffness
 
 
 def rounded(values: Floats) -> Floats:
@@ -91,43 +99,41 @@ def jump_matrices(assembly: Assembly) -> Floats:
     # Columns are the q freedoms of a, then those of b. The q jumps are opening, slips and rotations, conjugate to the
     # resultants of `Specimen.resultants`.
     faces, q, d = assembly.interfaces, assembly.freedoms, assembly.dimension
-    found = np.zeros((len(faces), q, 2 * q))
+    matrices = np.zeros((len(faces), q, 2 * q))
     axes = [faces.normal, faces.e1] if d == 2 else [faces.normal, faces.e1, faces.e2]
     turns = [np.ones((1, 1))] if d == 2 else [faces.e1, faces.e2, faces.normal]
-    for place, element, sign in ((0, faces.a, -1.0), (q, faces.b, 1.0)):
+    for column, element, sign in ((0, faces.a, -1.0), (q, faces.b, 1.0)):
         arm = faces.origin - assembly.elements.centroid[element]
         for j, axis in enumerate(axes):
-            found[:, j, place : place + d] = sign * axis
-            found[:, j, place + d : place + q] = sign * moment_about(arm, axis)
+            matrices[:, j, column : column + d] = sign * axis
+            matrices[:, j, column + d : column + q] = sign * moment_about(arm, axis)
         for j in range(q - d):
-            found[:, d + j, place + d : place + q] = sign * turns[j]
-    return found
+            matrices[:, d + j, column + d : column + q] = sign * turns[j]
+    return matrices
 
 
-def _spring(place: Floats, kn: float, ks: float) -> Floats:
+def _spring(points: Floats, kn: float, ks: float) -> Floats:
     """Return the (q, q) stiffness of one face in its jumps."""
-    if place.shape[1] == 2:
-        s, area = place.T
+    if points.shape[1] == 2:
+        s, area = points.T
         opening, slip = np.column_stack([np.ones_like(s), 0 * s, -s]), np.column_stack([0 * s, np.ones_like(s), 0 * s])
         rows, weights = [opening, slip], [kn * area, ks * area]
     else:
-        x1, x2, area = place.T
-        one, none = np.ones_like(x1), np.zeros_like(x1)
+        x1, x2, area = points.T
+        ones, zeros = np.ones_like(x1), np.zeros_like(x1)
         rows = [
-            np.column_stack([one, none, none, x2, -x1, none]),
-            np.column_stack([none, one, none, none, none, -x2]),
-            np.column_stack([none, none, one, none, none, x1]),
+            np.column_stack([ones, zeros, zeros, x2, -x1, zeros]),
+            np.column_stack([zeros, ones, zeros, zeros, zeros, -x2]),
+            np.column_stack([zeros, zeros, ones, zeros, zeros, x1]),
         ]
         weights = [kn * area, ks * area, ks * area]
     return np.asarray(sum((row * w[:, None]).T @ row for row, w in zip(rows, weights, strict=True)))
 
 
 def _frame(assembly: Assembly) -> Floats:
-    """Return normals and arms of all faces for the time stepping, columns as in `Bench.frame`.
-
-    (m, 6) in the plane: normal n, then r × n and r × t for the arms r from a and from b; (m, 15) in space: n, e1, e2
-    and both arms.
-    """
+    """Return normals and arms of all faces for the time stepping, columns as in `Bench.frame`."""
+    # (m, 6) in the plane: normal n, then r × n and r × t for the arms r from a and from b; (m, 15) in space: n, e1, e2
+    # and both arms.
     faces, centroid = assembly.interfaces, assembly.elements.centroid
     near, far = faces.origin - centroid[faces.a], faces.origin - centroid[faces.b]
     if assembly.dimension == 3:
@@ -223,11 +229,16 @@ class Specimen:
         """Return a new state at rest without any load."""
         n, q = len(self.assembly.elements), self.assembly.freedoms
         s = len(self.points.face)
-        shear = np.zeros((s, self.assembly.dimension - 1))
-        zero, none = np.zeros((n, q)), np.zeros(s, dtype=bool)
-        geometry = copy.deepcopy(self.geometry)
         return State(
-            zero, zero.copy(), np.zeros(s), np.zeros(s), shear, none, zero.copy(), np.zeros(HALF + 1), geometry
+            moved=np.zeros((n, q)),
+            velocity=np.zeros((n, q)),
+            overlap=np.zeros(s),
+            pressure=np.zeros(s),
+            shear=np.zeros((s, self.assembly.dimension - 1)),
+            broken=np.zeros(s, dtype=bool),
+            before=np.zeros((n, q)),
+            work=np.zeros(HALF + 1),
+            geometry=copy.deepcopy(self.geometry),
         )
 
     def march(
@@ -289,10 +300,11 @@ class Specimen:
         return Standing.CREEPS
 
     def energy(self, state: State) -> EnergyBalance:
+        """Return the energies of a state, from work of the loads to losses."""
         d, inverse = self.assembly.dimension, self.bench.inverse
-        columns = np.repeat(inverse, (d, self.assembly.freedoms - d), axis=1)
-        held = columns == 0.0
-        kinetic = 0.5 * float(np.sum(state.velocity[~held] ** 2 / columns[~held]))
+        inverse_mass = np.repeat(inverse, (d, self.assembly.freedoms - d), axis=1)
+        is_fixed = inverse_mass == 0.0
+        kinetic = 0.5 * float(np.sum(state.velocity[~is_fixed] ** 2 / inverse_mass[~is_fixed]))
         area = self.points.place[:, -1] * (1.0 if state.geometry is None else state.geometry.kept)
         kn, ks = self.bench.law[self.points.face, :2].T
         stored = state.pressure**2 / kn + (state.shear**2).sum(axis=1) / ks
@@ -378,15 +390,17 @@ def specimen_of(assembly: Assembly, labels: Bits, joints: Joints, settings: Sett
 def _law(assembly: Assembly, labels: Bits, joints: Joints, kn: Floats, ks: Floats) -> Floats:
     """Return the (m, 8) law of every face; InputError if a material is missing."""
     # Tension is limited by the apex of the friction cone.
-    own = assembly.strengths(_ROUTE).under(labels)
-    friction, tension = own.friction, own.tension
-    lacking = np.flatnonzero(np.isnan(friction + own.shear + tension))
+    strengths = assembly.strengths(_ROUTE).under(labels)
+    friction, tension = strengths.friction, strengths.tension
+    lacking = np.flatnonzero(np.isnan(friction + strengths.shear + tension))
     if lacking.size:
         face = int(lacking[0])
         name = "dry" if labels[face] else "inner"
         raise InputError(f"materials.{name}", "missing", f"this material, since face {assembly.pair(face)} is {name}")
     with np.errstate(divide="ignore", invalid="ignore"):
-        tension = np.where(friction > 0.0, np.minimum(tension, own.shear / friction), tension)
+        tension = np.where(friction > 0.0, np.minimum(tension, strengths.shear / friction), tension)
     dilation = friction if joints.dilation == "friction" else np.where(labels, joints.dilation, 0.0)
     residual = np.full(len(labels), joints.residual_friction)
-    return np.ascontiguousarray(np.column_stack([kn, ks, friction, dilation, own.shear, tension, own.crush, residual]))
+    return np.ascontiguousarray(
+        np.column_stack([kn, ks, friction, dilation, strengths.shear, tension, strengths.crush, residual])
+    )

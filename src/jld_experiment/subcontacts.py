@@ -114,9 +114,9 @@ def compiled(function: F) -> F:
     # Wrappers for calls from C, and from Python where `march` and its likes alone call, were a quarter of the work.
     inner = {"Bench", "Plane", "Space"} & {*function.__annotations__.values()} and "march" not in function.__name__
     options = {"no_cfunc_wrapper": True, "no_cpython_wrapper": bool(inner)}
-    made: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
-    made._cache._cache_file._source_stamp = _SOURCES
-    return cast(F, made)
+    dispatcher: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
+    dispatcher._cache._cache_file._source_stamp = _SOURCES
+    return cast(F, dispatcher)
 
 
 SCHEMES: Final = ("trapezoid", "simpson", "midpoint", "limit")
@@ -175,10 +175,10 @@ def _line(scheme: str, segments: int, dry: bool) -> Floats:
     tributary[[0, -1]] *= 0.5
     if scheme == "trapezoid":
         return np.column_stack([ends, tributary])
-    places = np.concatenate([ends, middles])
+    positions = np.concatenate([ends, middles])
     weights = np.concatenate([tributary / 3.0, np.full(segments, 2.0 / (3.0 * segments))])
-    order = np.argsort(places, kind="stable")
-    return np.column_stack([places[order], weights[order]])
+    order = np.argsort(positions, kind="stable")
+    return np.column_stack([positions[order], weights[order]])
 
 
 def _polygon(assembly: Assembly, face: int, scheme: str, segments: int, dry: bool) -> Floats:
@@ -187,15 +187,15 @@ def _polygon(assembly: Assembly, face: int, scheme: str, segments: int, dry: boo
     arm = faces.polygon[face] - faces.origin[face]
     corners = np.column_stack([arm @ faces.e1[face], arm @ faces.e2[face]])
     triangles, size = _triangles(corners), float(faces.area[face])
-    one, two = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    share = 0.5 * np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+    side1, side2 = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    share = 0.5 * np.abs(side1[:, 0] * side2[:, 1] - side1[:, 1] * side2[:, 0])
     share = share * size / float(share.sum())
     if scheme == "limit":
         ends = triangles if np.any(triangles[:, 0]) else triangles[:, 1:]
         points, areas = _merge_nodes(ends.reshape(-1, 2), np.repeat(share / ends.shape[1], ends.shape[1]))
         points = points if dry else points / 3.0
     elif scheme == "midpoint":
-        points = np.concatenate([_triangle_middles(base, one, two, segments) for base, one, two in triangles])
+        points = np.concatenate([_triangle_middles(a, b, c, segments) for a, b, c in triangles])
         areas = np.repeat(share / segments**2, segments**2)
     else:
         # Split each triangle into segments² equal ones; the nodes have tributary areas.
@@ -214,15 +214,15 @@ def _triangles(corners: Floats) -> Floats:
     return np.array([shapely.get_coordinates(part)[:3] for part in cut])
 
 
-def _triangle_middles(base: Floats, one: Floats, two: Floats, segments: int) -> Floats:
-    """Return (segments², 2) centroids of the equal parts of a triangle base, one, two (2,)."""
-    one, two, found = one - base, two - base, []
+def _triangle_middles(base: Floats, second: Floats, third: Floats, segments: int) -> Floats:
+    """Return (segments², 2) centroids of the equal parts of a triangle with corners base, second, third (2,)."""
+    side1, side2, points = second - base, third - base, []
     for i in range(segments):
         for j in range(segments - i):
-            found.append(base + ((i + 1 / 3) * one + (j + 1 / 3) * two) / segments)
+            points.append(base + ((i + 1 / 3) * side1 + (j + 1 / 3) * side2) / segments)
             if i + j < segments - 1:
-                found.append(base + ((i + 2 / 3) * one + (j + 2 / 3) * two) / segments)
-    return np.array(found)
+                points.append(base + ((i + 2 / 3) * side1 + (j + 2 / 3) * side2) / segments)
+    return np.array(points)
 
 
 def _split(triangles: Floats, share: Floats, segments: int, middles: bool) -> tuple[Floats, Floats]:
@@ -230,16 +230,16 @@ def _split(triangles: Floats, share: Floats, segments: int, middles: bool) -> tu
     # A third of each small area goes to each corner, or with `middles` to each midpoint of its sides. The midpoints
     # integrate quadratic functions exactly.
     points, areas = [], []
-    for (base, first, second), whole in zip(triangles, share.tolist(), strict=True):
-        one, two = first - base, second - base
-        small = whole / segments**2
+    for (base, first, second), area in zip(triangles, share.tolist(), strict=True):
+        side1, side2 = first - base, second - base
+        small = area / segments**2
         for i in range(segments):
             for j in range(segments - i):
                 for up in (True, False):
                     if not up and i + j >= segments - 1:
                         continue
                     at = [(i, j), (i + 1, j), (i, j + 1)] if up else [(i + 1, j + 1), (i + 1, j), (i, j + 1)]
-                    nodes = [base + (a * one + b * two) / segments for a, b in at]
+                    nodes = [base + (a * side1 + b * side2) / segments for a, b in at]
                     if middles:
                         nodes = [0.5 * (nodes[x] + nodes[(x + 1) % 3]) for x in range(3)]
                     points += nodes

@@ -45,17 +45,17 @@ def planar_forces(bench: Bench, motion: Motion, force: Floats) -> None:
         turn = step[b, 2] - step[a, 2]
         opening = dx * nx + dy * ny + step[b, 2] * frame[f, 4] - step[a, 2] * frame[f, 2]
         slip = dy * nx - dx * ny + step[b, 2] * frame[f, 5] - step[a, 2] * frame[f, 3]
-        ks, own = law[f, 1], numbers_of(law, f)
+        ks, numbers = law[f, 1], numbers_of(law, f)
         normal, tangent, moment = 0.0, 0.0, 0.0
         for k in range(first[f], first[f + 1]):
             s, area = place[k, 0], place[k, 1]
             e = overlap[k] - opening + s * turn
             q = shear[k, 0] - ks * slip
-            trial, was = (own[0] * e, abs(q)), broken[k]
-            e, p, size, broken[k] = sub_contact(e, abs(q), own, brittle[f], gaps[f], was)
+            trial, was_broken = (numbers[0] * e, abs(q)), broken[k]
+            e, p, size, broken[k] = sub_contact(e, abs(q), numbers, brittle[f], gaps[f], was_broken)
             if size < trial[1] or p != trial[0]:
                 start = (pressure[k], shear[k, 0] if q > 0.0 else -shear[k, 0])
-                record_loss(motion.work, own, area, (dry[f], was, broken[k]), start, trial, (p, size))
+                record_loss(motion.work, numbers, area, (dry[f], was_broken, broken[k]), start, trial, (p, size))
             q = size if q > 0.0 else -size
             overlap[k], pressure[k], shear[k, 0] = e, p, q
             part = p * area
@@ -102,12 +102,12 @@ def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
             e = overlap[k] - opening - turn1 * x2 + turn2 * x1
             q1 = shear[k, 0] - ks * (slip1 - twist * x2)
             q2 = shear[k, 1] - ks * (slip2 + twist * x1)
-            sheared, was = np.sqrt(q1 * q1 + q2 * q2), broken[k]
+            sheared, was_broken = np.sqrt(q1 * q1 + q2 * q2), broken[k]
             trial = (numbers[0] * e, sheared)
-            e, p, size, broken[k] = sub_contact(e, sheared, numbers, brittle[f], gaps[f], was)
+            e, p, size, broken[k] = sub_contact(e, sheared, numbers, brittle[f], gaps[f], was_broken)
             if size < sheared or p != trial[0]:
                 start = (pressure[k], (shear[k, 0] * q1 + shear[k, 1] * q2) / max(sheared, 1e-300))
-                record_loss(motion.work, numbers, area, (dry[f], was, broken[k]), start, trial, (p, size))
+                record_loss(motion.work, numbers, area, (dry[f], was_broken, broken[k]), start, trial, (p, size))
             if size < sheared:
                 q1 *= size / sheared
                 q2 *= size / sheared
@@ -170,16 +170,16 @@ def driven(
     count, q = velocity.shape
     d = 2 if q == 3 else 3
     push, dead, factors, rates = drive[0], drive[1], drive[2], drive[3]
-    most = dead[0] + (dead[1] - dead[0]) * share
+    dead_share = dead[0] + (dead[1] - dead[0]) * share
     factor = factors[0] + (factors[1] - factors[0]) * share
     rate = rates[0] + (rates[1] - rates[0]) * share
     live_mass, live_force, live_speed = 0.0, 0.0, 0.0
     if push:
         for i in range(count):
             for j in range(q):
-                own = live[i, j] * inverse[i, 0 if j < d else 1]
-                live_mass += live[i, j] * own
-                live_force += own * force[i, j]
+                velocity_per_load = live[i, j] * inverse[i, 0 if j < d else 1]
+                live_mass += live[i, j] * velocity_per_load
+                live_force += velocity_per_load * force[i, j]
                 live_speed += live[i, j] * velocity[i, j]
         factor = (rate - live_speed - live_force) / live_mass
     damped, worst, fastest = 0.0, 0.0, 0.0
@@ -209,12 +209,12 @@ def driven(
             change = (force[i, j] + correction * live[i, j]) * inverse[i, 0 if j < d else 1]
             mean = velocity[i, j] + 0.5 * change
             velocity[i, j] += change
-            contact = force[i, j] + drag[i, j] - factor * live[i, j] - most * bench.dead[i, j]
+            contact = force[i, j] + drag[i, j] - factor * live[i, j] - dead_share * bench.dead[i, j]
             half_work += 0.5 * contact * velocity[i, j]
             dead_work += bench.dead[i, j] * mean
             live_work += live[i, j] * mean
             damping_work += drag[i, j] * mean
-    motion.work[DEAD] += most * dead_work
+    motion.work[DEAD] += dead_share * dead_work
     motion.work[HALF] = half_work
     motion.work[LIVE] += factor * live_work
     motion.work[DAMPING] += damping_work - correction * live_work
@@ -224,11 +224,11 @@ def driven(
 @compiled
 def begin(bench: Bench, motion: Motion, force: Floats, drive: Drive, share: float) -> None:
     """Move the elements by one step and set `force` (n, q) to the dead loads of that step."""
-    most = drive[1][0] + (drive[1][1] - drive[1][0]) * share
+    dead_share = drive[1][0] + (drive[1][1] - drive[1][0]) * share
     for i in range(len(force)):
         for j in range(force.shape[1]):
             motion.moved[i, j] += motion.velocity[i, j]
-            force[i, j] = most * bench.dead[i, j]
+            force[i, j] = dead_share * bench.dead[i, j]
 
 
 @compiled
@@ -236,15 +236,15 @@ def march(steps: int, drive: Drive, bench: Bench, motion: Motion) -> tuple[float
     """Advance by steps with fixed geometry: mean λ, largest unbalanced force and displacement per step."""
     force, drag = np.empty_like(motion.velocity), np.zeros_like(motion.velocity)
     mean, worst, fastest = 0.0, 0.0, 0.0
-    for turn in range(steps):
-        share = (turn + 1.0) / steps
+    for step in range(steps):
+        share = (step + 1.0) / steps
         begin(bench, motion, force, drive, share)
         if motion.shear.shape[1] == 1:
             planar_forces(bench, motion, force)
         else:
             spatial_forces(bench, motion, force)
-        found, size, speed = driven(bench, motion, force, drive, share, drag)
-        mean, worst, fastest = mean + found, max(worst, size), max(fastest, speed)
+        factor, size, speed = driven(bench, motion, force, drive, share, drag)
+        mean, worst, fastest = mean + factor, max(worst, size), max(fastest, speed)
     return mean / steps, worst, fastest
 
 
@@ -265,8 +265,8 @@ def march_in_plane(steps: int, drive: Drive, bench: Bench, motion: Motion, plane
     force, drag, faces = np.empty(shape), np.zeros(shape), np.empty(shape)
     mean, worst, fastest = 0.0, 0.0, 0.0
     pairs = near_pairs(motion.moved, plane)
-    for turn in range(steps):
-        share = (turn + 1.0) / steps
+    for step in range(steps):
+        share = (step + 1.0) / steps
         begin(bench, motion, force, drive, share)
         moving_forces(bench, motion, force, plane)
         for i in range(len(force)):
@@ -275,8 +275,8 @@ def march_in_plane(steps: int, drive: Drive, bench: Bench, motion: Motion, plane
         corner_forces(pairs, motion.moved, force, plane)
         # Work up to the present position: driven() will change the force.
         motion.work[CORNERS] -= power_of_rest(force, faces, motion.velocity)
-        found, size, speed = driven(bench, motion, force, drive, share, drag)
-        mean, worst, fastest = mean + found, max(worst, size), max(fastest, speed)
+        factor, size, speed = driven(bench, motion, force, drive, share, drag)
+        mean, worst, fastest = mean + factor, max(worst, size), max(fastest, speed)
     return mean / steps, worst, fastest
 
 
@@ -287,8 +287,8 @@ def march_in_space(steps: int, drive: Drive, bench: Bench, motion: Motion, space
     force, drag, faces = np.empty(shape), np.zeros(shape), np.empty(shape)
     mean, worst, fastest = 0.0, 0.0, 0.0
     pairs = near_pairs_in_space(motion.moved, space)
-    for turn in range(steps):
-        share = (turn + 1.0) / steps
+    for step in range(steps):
+        share = (step + 1.0) / steps
         begin(bench, motion, force, drive, share)
         turn_along(motion.velocity, space)
         moving_forces_in_space(bench, motion, force, space)
@@ -297,6 +297,6 @@ def march_in_space(steps: int, drive: Drive, bench: Bench, motion: Motion, space
                 faces[i, j] = force[i, j]
         corner_forces_in_space(pairs, motion.moved, force, space)
         motion.work[CORNERS] -= power_of_rest(force, faces, motion.velocity)
-        found, size, speed = driven(bench, motion, force, drive, share, drag)
-        mean, worst, fastest = mean + found, max(worst, size), max(fastest, speed)
+        factor, size, speed = driven(bench, motion, force, drive, share, drag)
+        mean, worst, fastest = mean + factor, max(worst, size), max(fastest, speed)
     return mean / steps, worst, fastest

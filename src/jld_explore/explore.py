@@ -224,6 +224,7 @@ def _path(parameter: str, value: Any) -> Path:
 
 
 def _driver_options(options: Any, keywords: dict[str, Any]) -> dict[str, Any] | None:
+    """Return options and keywords of a driver together; ParameterError for an unknown keyword."""
     require_kind("options", options, dict, NoneType)
     option_names = sorted({name for kind in driver_kinds().values() for name in kind.Options.model_fields})
     for key in keywords:
@@ -353,8 +354,12 @@ def _choose_driver(
 def _space_of(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> SearchSpace:
     """Return the space of the given driver, else that of the scene; InputError if they do not fit."""
     # An objective of the user may tell mirror images apart, unless its attribute `symmetric` is true.
-    own, driver = settings.own_objective, settings.driver
-    why = "" if own is None or getattr(own, "symmetric", False) else "an objective of your own may not have it"
+    objective, driver = settings.own_objective, settings.driver
+    why = (
+        ""
+        if objective is None or getattr(objective, "symmetric", False)
+        else "an objective of your own may not have it"
+    )
     if not isinstance(driver, Driver):
         return search_space(scene, assembly, tells_apart=why)
     space = driver.space
@@ -447,18 +452,18 @@ def _run_study(study: Study, deadline: Deadline) -> StopReason:
             solved_first = _solve_first(study)
             study.records.close()
         _bound_all(study, in_time=_BOUND_COST * cost_estimate(study.assembly).seconds < _STOPPING_SECONDS)
-        found = save_tables(
+        exploration = save_tables(
             write_tables(study, StopReason.INTERRUPTED, Deadline(_STOPPING_SECONDS)), csv=study.settings.csv
         )
         if study.settings.pictures:
-            part("views").write_report(found, patience=_STOPPING_SECONDS, deadline=Deadline(0.0))
+            part("views").write_report(exploration, patience=_STOPPING_SECONDS, deadline=Deadline(0.0))
         if solved_first:
             study.records = study.open_records()
             study.records.forget_evaluations()
             study.records.close()
         if isinstance(stop, Interrupted):
-            stop.done = found
-            if not len(found.results):
+            stop.done = exploration
+            if not len(exploration.results):
                 stop.words = "stopped before a layout was solved; --resume begins with the first"
         raise
     if not len(study.records) and reason is not StopReason.BUDGET:

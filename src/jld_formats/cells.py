@@ -349,12 +349,12 @@ def _beside(
     own_share = _share_on(faces, [line for line, _ in loose], 1e-7 * size)
     grounded = _share_on(faces, supports, 1e-7 * size)
     ground = next((layer for _, layer in loose if options.role(layer) == "support"), "")
-    drawn = [
+    linestrings = [
         (face, ground if onto > _DRAWN else "")
         for face, share, onto in zip(faces, own_share, grounded, strict=True)
         if share > _DRAWN
     ]
-    cells_found = [cell for face, layer in _drop_unconnected(drawn, covered) for cell in _pieces(face, layer)]
+    cells_found = [cell for face, layer in _drop_unconnected(linestrings, covered) for cell in _pieces(face, layer)]
     if cells_found:
         notes.found.append(f"{several(len(cells_found), 'cell')} that lines enclose beside the outlines")
     return cells_found

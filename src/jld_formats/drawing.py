@@ -221,6 +221,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     paths = without_frames(paths, marks, options, notes)
     read = len(paths)
     paths, holes = with_holes(paths)
+    # arcs as chords, whose ends are snapped
     size = float(max(np.ptp(np.concatenate([path.points[:, :2] for path in paths]), axis=0)))
     tolerance = _tolerance(paths, size, options, drawing) if options.tolerance is None else scale * options.tolerance
     facet = FACET * size if options.facet is None else scale * options.facet
@@ -232,6 +233,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     snapped = snapping.snap_paths(chords.points, [path.closed for path in paths], tolerance, keep_nodes=True)
     gaps = find_gaps(chords.points, paths, options, _OPEN * tolerance)
     _note_snapped(snapped, gaps, tolerance, scale, drawn_in, notes)
+    # elements and supports
     try:
         cells_found = find_cells(paths, snapped, holes, options, size, tolerance, notes)
     except NothingEnclosed as error:
@@ -247,6 +249,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     say_large(cells, notes)
     say_nested(cells_found.nested, notes)
     _say_dropped(drawing, cells_found, paths, snapped, read, notes)
+    # the scene, with loads and labels
     document: dict[str, Any] = {"name": drawing.name, "units": {"length": unit, "force": "N"}}
     document |= {key: value for key, value in drawing.facts.items() if key not in ("loads", "elements")}
     keys = drawing.facts.get("elements", {})
@@ -258,8 +261,8 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     reach = max(2.0 * tolerance, 1e-7 * size)
     structure = Structure(cells, float(document["thickness"]), unit, reach)
     document["loads"] = drawn_loads(loads, marks, structure, options, drawing, notes)
-    named = {name for entry in document.get("interfaces", []) for name in entry["elements"]}
-    if not named or not named <= {cell.name for cell in cells}:
+    in_contacts = {name for entry in document.get("interfaces", []) for name in entry["elements"]}
+    if not in_contacts or not in_contacts <= {cell.name for cell in cells}:
         document.pop("interfaces", None)  # of elements that are drawn no more
         document |= _labels(cells, paths, snapped, options, reach, notes)
     free = sum(not cell.support for cell in cells)
@@ -322,9 +325,13 @@ def _refuse_range(paths: list[Path], loads: list[Path], marks: list[Mark], unit:
 def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[float, str]:
     """Return scene units per drawing unit, and the scene's unit of length; InputError for an unknown unit."""
     if drawing.facts:
-        own = str(drawing.facts.get("units", {}).get("length", "m"))
+        unit_of_file = str(drawing.facts.get("units", {}).get("length", "m"))
         used = options.unit or drawing.unit
-        return (units.METRES[used] / units.METRES[own] if used in units.METRES and own in units.METRES else 1.0), own
+        return (
+            units.METRES[used] / units.METRES[unit_of_file]
+            if used in units.METRES and unit_of_file in units.METRES
+            else 1.0
+        ), unit_of_file
     unit = options.unit or drawing.unit
     if unit is None:
         notes.assumed.append("lengths in m: the file names no unit, give --unit")
@@ -427,11 +434,11 @@ def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
         points = shapely.points([mark.at for mark in name_marks])
         for which, cell in zip(*tree.query(points, predicate="intersects").tolist(), strict=True):
             cells[cell].name = str(name_marks[which].text).strip()
-    drawn, used, counter = {cell.name for cell in cells}, set[str](), 0
+    names, used, counter = {cell.name for cell in cells}, set[str](), 0
     for cell in cells:
         if not cell.name or cell.name in used:
             counter += 1
-            while f"e{counter}" in drawn:
+            while f"e{counter}" in names:
                 counter += 1
             cell.name = f"e{counter}"
         used.add(cell.name)
@@ -506,13 +513,13 @@ def _labels(
 
     "labels", or "interfaces" where a pair has both.
     """
-    drawn: dict[str, list[shapely.Geometry]] = {"dry": [], "inner": []}
+    lines: dict[str, list[shapely.Geometry]] = {"dry": [], "inner": []}
     for k, path in enumerate(paths):
         role = options.role(path.layer)
-        if role in drawn and len(snapped.paths[k]) > 1:
+        if role in lines and len(snapped.paths[k]) > 1:
             points = snapped.paths[k]
-            drawn[role].append(shapely.LineString(np.concatenate([points, points[:1]]) if path.closed else points))
-    if not any(drawn.values()):
+            lines[role].append(shapely.LineString(np.concatenate([points, points[:1]]) if path.closed else points))
+    if not any(lines.values()):
         return {}
     outlines = [cell.points for cell in cells]
     contacts = [
@@ -520,12 +527,13 @@ def _labels(
     ]
     if not contacts:
         return {}
+    # a contact has the label of lines near its quarter points and its middle
     ends = np.array([contact.ends for contact in contacts])
     probes = np.stack([ends[:, 0] + share * (ends[:, 1] - ends[:, 0]) for share in (0.25, 0.5, 0.75)], axis=1)
     label = np.full(len(contacts), "", dtype=object)
     for role in ("dry", "inner"):
-        if drawn[role]:
-            far = shapely.distance(shapely.points(probes), shapely.union_all(drawn[role])).max(axis=1)
+        if lines[role]:
+            far = shapely.distance(shapely.points(probes), shapely.union_all(lines[role])).max(axis=1)
             label[far <= reach] = role
     of_pair: dict[tuple[str, str], list[str]] = {}
     for contact, word in zip(contacts, label.tolist(), strict=True):

@@ -118,12 +118,12 @@ def drawn_loads(
         loads_found["live"] = []
         loads_found["cases"] = [{"name": layer, "live": entries + common} for layer, entries in of_case.items()]
     stored = drawing.facts.get("loads", {})
-    drawn = bool(loads_found["live"] or loads_found.get("cases"))
+    has_live = bool(loads_found["live"] or loads_found.get("cases"))
     for key in ("live", "dead"):
         loads_found[key] = loads_found[key] + list(stored.get(key, []))
     loads_found = {key: value for key, value in loads_found.items() if value}
     # loads drawn anew replace stored cases, paths and directions
-    return loads_found if drawn else {**stored, **loads_found}
+    return loads_found if has_live else {**stored, **loads_found}
 
 
 def _layers(paths: list[Path], marks: list[Mark]) -> list[str]:
@@ -167,11 +167,13 @@ class _Loads:
 
     def _beside(self, lines: list[Path], texts: list[Mark]) -> dict[int, int]:
         """Return the number of the text of each line, at most its length away; InputError where ambiguous."""
-        drawn = shapely.linestrings(np.array([path.points[[0, -1], :2] for path in lines]).reshape(-1, 2, 2))
+        chords = shapely.linestrings(np.array([path.points[[0, -1], :2] for path in lines]).reshape(-1, 2, 2))
         points = shapely.points(np.array([mark.at for mark in texts]).reshape(-1, 2))
-        line, text = shapely.STRtree(points).query(drawn, predicate="dwithin", distance=shapely.length(drawn))
-        apart = shapely.distance(drawn[line], points[text])
-        return closest_first(line, text, apart, self._structure.reach, [(mark.layer, str(mark.text)) for mark in texts])
+        line, text = shapely.STRtree(points).query(chords, predicate="dwithin", distance=shapely.length(chords))
+        distance = shapely.distance(chords[line], points[text])
+        return closest_first(
+            line, text, distance, self._structure.reach, [(mark.layer, str(mark.text)) for mark in texts]
+        )
 
     def _along(self, path: Path, mark: Mark | None, kind: str) -> list[dict[str, Any]]:
         """Return the entries of a line: a pressure for a load per length or area, else a force."""
@@ -205,12 +207,12 @@ class _Loads:
         chosen = self._free[distance <= distance.min() + self._structure.reach].tolist()
         names = [str(self._cells[k].name) for k in chosen]
         # adding 0.0 turns a negative zero into zero
-        vector, place = ([float(v) + 0.0 for v in values] for values in (force, at))
-        size, point_text = (", ".join(f"{value:.9g}" for value in values) for values in (vector, place))
+        vector, point = ([float(v) + 0.0 for v in values] for values in (force, at))
+        size, point_text = (", ".join(f"{value:.9g}" for value in values) for values in (vector, point))
         on = f"element {names[0]!r}" if len(names) == 1 else f"elements {listed(names)}, which share it equally,"
         self._notes.found.append(f"{kind} force ({size}) {self._unit} on {on} at ({point_text}), {source}")
         share = [value / len(names) for value in vector]
-        return [{"element": name, "force": share, "at": place} for name in names]
+        return [{"element": name, "force": share, "at": point} for name in names]
 
     def _pressure(self, path: Path, mark: Mark, written: WrittenForce, kind: str) -> dict[str, Any]:
         """Return the noted entry of a load per length or area; InputError for a line along no free edge."""

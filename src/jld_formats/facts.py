@@ -99,17 +99,17 @@ def _without_pressures(entries: list[dict[str, Any]], parsed: Sequence[Any], lay
     """Replace pressures in load entries by the forces and moments that they add up to."""
     assembly = layout.assembly
     boundary = build_loads.Boundary(assembly.elements, assembly.interfaces, layout.scene.plane_thickness)
-    found = []
+    kept_entries = []
     for entry, load in zip(entries, parsed, strict=True):
         if "face" in entry:
             for traction in boundary.loads([load], "loads").tractions:
                 force, moment = traction.resultant()
-                place = {"element": assembly.elements.ids[traction.element], "at": traction.origin.tolist()}
+                where = {"element": assembly.elements.ids[traction.element], "at": traction.origin.tolist()}
                 turn = moment.tolist() if assembly.dimension == 3 else float(moment[0])
-                found.append({**place, "force": force.tolist(), **({"moment": turn} if moment.any() else {})})
+                kept_entries.append({**where, "force": force.tolist(), **({"moment": turn} if moment.any() else {})})
         else:
-            found.append(entry)
-    return found
+            kept_entries.append(entry)
+    return kept_entries
 
 
 def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
@@ -132,18 +132,18 @@ def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, li
     if (body := scene_loads.body_of(entry)) is not None:
         return {"body": _to_space(body) if lift else body}
     element = layout.assembly.elements.index[entry["element"]]
-    found: dict[str, Any] = {"element": names(entry["element"])}
+    load: dict[str, Any] = {"element": names(entry["element"])}
     if entry.get("force") is not None:
         # explicit, since the centroid of a block differs from that of its cell
         at = entry.get("at") or layout.assembly.elements.centroid[element].tolist()
-        found["force"] = _to_space(entry["force"]) if lift else entry["force"]
-        found["at"] = _to_space(at, 0.5 * layout.thickness) if lift else at
+        load["force"] = _to_space(entry["force"]) if lift else entry["force"]
+        load["at"] = _to_space(at, 0.5 * layout.thickness) if lift else at
     if np.any(entry.get("moment", 0.0)):
         # counter-clockwise in the x–z plane is about −y
-        found["moment"] = [0.0, -float(entry["moment"]), 0.0] if lift else entry["moment"]
-    elif "force" not in found:
-        found["moment"] = [0.0, 0.0, 0.0] if lift or layout.assembly.dimension == 3 else 0.0
-    return found
+        load["moment"] = [0.0, -float(entry["moment"]), 0.0] if lift else entry["moment"]
+    elif "force" not in load:
+        load["moment"] = [0.0, 0.0, 0.0] if lift or layout.assembly.dimension == 3 else 0.0
+    return load
 
 
 def _to_space(vector: list[float], y: float = 0.0) -> list[float]:
@@ -155,10 +155,10 @@ def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
     """Return what a scene states of its elements beside shape and support, by id; not of grids."""
     entries = layout.scene.elements or []
     dumped = [uncertain.with_means(entry.model_dump(mode="json", exclude_defaults=True)) for entry in entries]
-    kept: dict[str, dict[str, Any]] = {}
+    keys_of: dict[str, dict[str, Any]] = {}
     for entry in dumped:
-        kept[entry["id"]] = {key: value for key, value in entry.items() if key not in _SHAPE}
-    return {name: keys for name, keys in kept.items() if keys}
+        keys_of[entry["id"]] = {key: value for key, value in entry.items() if key not in _SHAPE}
+    return {name: keys for name, keys in keys_of.items() if keys}
 
 
 def interfaces_of(layout: Layout) -> list[dict[str, Any]]:

@@ -279,14 +279,14 @@ def layout_in_unit(layout: Layout, unit: str) -> Layout:
     """Return a layout in another unit of length; ParameterError if either is unknown."""
     # Weights, forces and labels stay as they are. Scene data for re-import and the analysis are taken from
     # `Layout.drawn_from`, the given layout.
-    own = layout.assembly.units[0]
+    scene_unit = layout.assembly.units[0]
     if unit not in units.METRES:
         raise ParameterError("unit", f"no unit is named {unit!r}", "one of " + ", ".join(units.METRES))
-    if own not in units.METRES:
+    if scene_unit not in units.METRES:
         raise ParameterError(
-            "unit", f"lengths of the scene are in {own!r}, which is unknown", "units.length of a scene"
+            "unit", f"lengths of the scene are in {scene_unit!r}, which is unknown", "units.length of a scene"
         )
-    factor = units.METRES[own] / units.METRES[unit]
+    factor = units.METRES[scene_unit] / units.METRES[unit]
     if factor == 1.0:
         return layout
     assembly = layout.assembly

@@ -132,23 +132,23 @@ def in_own_process(
     """Call a function of a module in a process of its own; watch: returns in words how far the call is."""
     # A library of compiled code that a damaged file sends into a loop, or to its end, cannot be stopped otherwise.
     with tempfile.TemporaryDirectory(prefix="jld-") as folder:
-        made = Path(folder) / "made"
+        target = Path(folder) / "made"
         # whether a copy of this process may read: one made beside a running thread waits for ever for its locks
         may_copy = sys.platform == "linux" and threading.current_thread() is threading.main_thread()
-        child = (_fork if may_copy else _sent)(made, function, arguments)
+        child = (_fork if may_copy else _sent)(target, function, arguments)
         end = time.monotonic() + seconds
         try:
-            while (left := end - time.monotonic()) > 0.0 and not child(min(left, _POLL)):
+            while (seconds_left := end - time.monotonic()) > 0.0 and not child(min(seconds_left, _POLL)):
                 watch()
-            if left <= 0.0:
+            if seconds_left <= 0.0:
                 remedy = "more `seconds`, or a part of it: `layer`, `skip`"
                 raise InputError("", f"reading it does not end in {seconds:.3g} s{watch()}", remedy)
         finally:
             child(None)
-        if not made.exists() or not made.stat().st_size:
+        if not target.exists() or not target.stat().st_size:
             expected = "a file that its program opens and saves again"
             raise InputError("", "its reader broke down: it is damaged", expected)
-        result = pickle.loads(made.read_bytes())
+        result = pickle.loads(target.read_bytes())
     if isinstance(result, BaseException):
         raise result
     return result
@@ -160,9 +160,9 @@ _POLL: Final = 0.1  # time between two looks at a reading process, s
 _Child = Callable[[float | None], bool]
 
 
-def _fork(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...]) -> _Child:
+def _fork(target: Path, function: Callable[..., Any], arguments: tuple[Any, ...]) -> _Child:
     """Begin to call a function in a copy of this process, which has all modules loaded."""
-    child = multiprocessing.get_context("fork").Process(target=store_result, args=(str(made), function, arguments))
+    child = multiprocessing.get_context("fork").Process(target=store_result, args=(str(target), function, arguments))
     with warnings.catch_warnings():
         # such as the thread in which a notebook listens, which holds no lock while its cell runs
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -177,7 +177,7 @@ def _fork(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...]) 
     return wait
 
 
-def _sent(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...]) -> _Child:
+def _sent(target: Path, function: Callable[..., Any], arguments: tuple[Any, ...]) -> _Child:
     """Begin to call a function in a process that has read other files, or in a new one."""
     from joblib.externals.loky import ProcessPoolExecutor
 
@@ -189,7 +189,7 @@ def _sent(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...]) 
         executor.shutdown(kill_workers=True)
     else:
         executor = ProcessPoolExecutor(1, initializer=signal.signal, initargs=_UNDISTURBED)
-    future = executor.submit(store_result, str(made), function, arguments)
+    future = executor.submit(store_result, str(target), function, arguments)
 
     def wait(seconds: float | None) -> bool:
         if seconds is not None:

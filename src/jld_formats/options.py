@@ -93,6 +93,7 @@ _PATTERNS: Final = tuple((role, _pattern(words)) for role, words in _WORDS)
 
 @cache
 def role_by_name(layer: str) -> str | None:
+    """Return the role that the name of a layer says, None for an ordinary layer."""
     plain = "".join(c for c in normalize("NFKD", layer.casefold()) if not combining(c))
     if plain == "ids":  # names of elements, written by jld
         return "id"
@@ -180,6 +181,7 @@ class ImportOptions:
         return {}
 
     def _role(self, layer: str) -> str | None:
+        """Return the role of a layer by the options, else by its name."""
         named = role_by_name(layer)
         for role in LAYER_ROLES:
             if self.matches(role, layer):
@@ -393,23 +395,23 @@ class Notes:
     told: Path | None = None
     _next: float = -1.0
 
-    def reached(self, what: str, done: int, total: int = 0) -> None:
+    def reached(self, subject: str, done: int, total: int = 0) -> None:
         """Tell how many things of a kind were read so far, and of how many, 0 if unknown; readers call it often."""
         if self.told is not None and (now := time.monotonic()) >= self._next:
             self._next = now + _TELL
             with suppress(OSError):
-                self.told.write_text(f"{what}\t{done}\t{total}", encoding="utf-8")
+                self.told.write_text(f"{subject}\t{done}\t{total}", encoding="utf-8")
 
     def last_told(self) -> tuple[str, int, int]:
         with suppress(OSError, ValueError):
-            what, done, total = self.told.read_text(encoding="utf-8").split("\t") if self.told else ("", "0", "0")
-            return what, int(done), int(total)
+            subject, done, total = self.told.read_text(encoding="utf-8").split("\t") if self.told else ("", "0", "0")
+            return subject, int(done), int(total)
         return "", 0, 0
 
-    def skip(self, what: str, count: int, why: str) -> None:
+    def skip(self, subject: str, count: int, why: str) -> None:
         """Add a sentence about things that were left out; do nothing for a count of 0."""
         if count:
-            self.skipped.append(f"{count} {what}: {why}")
+            self.skipped.append(f"{count} {subject}: {why}")
 
     def report(self) -> Report:
         """Return the sentences collected so far as a report that does not change."""
@@ -468,8 +470,8 @@ def _like(document: dict[str, Any], options: ImportOptions, notes: Notes) -> dic
     if not all(pair["length"] in units.METRES and pair["force"] in units.NEWTONS for pair in (file_units, theirs)):
         problem = "its numbers are in {force} and {length}, those of the file in ".format(**theirs)
         raise ParameterError("like", problem + "{force} and {length}".format(**file_units), "units of known names")
-    told = "numbers of the scene that it is to be like turned from {force} and {length} to ".format(**theirs)
-    notes.found.append(told + "{force} and {length}".format(**file_units))
+    sentence = "numbers of the scene that it is to be like turned from {force} and {length} to ".format(**theirs)
+    notes.found.append(sentence + "{force} and {length}".format(**file_units))
     return units.in_units(like, file_units, options.like.dimension)
 
 

@@ -423,10 +423,8 @@ def _rings(pieces: list[Any]) -> list[Any]:
 
 
 def _areas(rings: list[Any], style: int) -> list[tuple[Any, list[Any]]]:
-    """Return the outlines of a hatch with holes by depth.
-
-    style: 0 fills every second depth, 1 the outermost, 2 all that the outermost rings enclose.
-    """
+    """Return the outlines of a hatch with holes by depth."""
+    # style: 0 fills every second depth, 1 the outermost, 2 all that the outermost rings enclose.
     chords = [
         flatten([Path(ring, closed=True, layer="")], 1e-3 * float(np.ptp(ring[:, :2])), 0.0).points[0] for ring in rings
     ]

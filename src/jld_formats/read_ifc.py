@@ -62,6 +62,7 @@ class Densities:
 
 
 def _scale(unit: Any) -> float:
+    """Return the size of a unit in SI units."""
     if unit.is_a("IfcDerivedUnit"):
         return float(np.prod([_scale(part.Unit) ** part.Exponent for part in unit.Elements]))
     if unit.is_a("IfcConversionBasedUnit"):
@@ -193,6 +194,7 @@ def _arcs(item: Any) -> bool:
 
 
 def _is_simple(item: Any) -> bool:
+    """Return whether a solid is read here, without the geometry kernel."""
     if item.is_a("IfcMappedItem"):
         return all(_is_simple(part) for part in item.MappingSource.MappedRepresentation.Items)
     if not item.is_a("IfcExtrudedAreaSolid"):

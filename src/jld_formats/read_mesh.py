@@ -324,8 +324,10 @@ def read_csv(path: File, options: ImportOptions, notes: Notes) -> Drawing:
             point = (float(texts[0]), float(texts[1]))
         except ValueError:
             problem = f"{row[head.index('x')]!r}, {row[head.index('y')]!r} is no point"
-            wish = "two numbers, with decimal points, or with decimal commas everywhere and semicolons between fields"
-            raise InputError(f"line {number}", problem, wish) from None
+            expected = (
+                "two numbers, with decimal points, or with decimal commas everywhere and semicolons between fields"
+            )
+            raise InputError(f"line {number}", problem, expected) from None
         if not np.isfinite(point).all():
             raise InputError(f"line {number}", "it holds a coordinate that is no number", "finite numbers only")
         corners.setdefault(entry["id"], []).append(point)

@@ -162,13 +162,13 @@ class _Reader:
         ]
         role = {layer: self._options.role(layer) for _, _, layer, _ in self._curves}
         rings = [(role[layer], points[:-1]) for points, closed, layer, _ in self._curves if closed]
-        drawn = [(str(word), points) for word, points in rings if word in _LABELS]
+        labelled = [(str(word), points) for word, points in rings if word in _LABELS]
         other_layers = [
             la for _, closed, la, _ in self._curves if role[la] not in (_LABELS if closed else ("load", "dead"))
         ]
         for layer, count in sorted(Counter(other_layers).items()):
             self._notes.skip(f"curves on layer {layer}", count, "the file holds solids, which are read")
-        return Solids(parts, facts=facts, name=name, unit=unit, marks=[*self._marks, *arrows], drawn=drawn)
+        return Solids(parts, facts=facts, name=name, unit=unit, marks=[*self._marks, *arrows], drawn=labelled)
 
     def _facts(self) -> dict[str, Any]:
         """Return the scene keys stored in the document's user text."""
@@ -195,8 +195,8 @@ class _Reader:
         """Read one object: a solid, a mark, a curve or the objects of an instance."""
         # Hidden objects and other kinds are counted.
         attributes, geometry = item.Attributes, item.Geometry
-        layer, shown = self._layer(attributes.LayerIndex, parent)
-        if not shown or not attributes.Visible:
+        layer, is_visible = self._layer(attributes.LayerIndex, parent)
+        if not is_visible or not attributes.Visible:
             self._hidden[layer] += 1
             return
         kind = type(geometry).__name__

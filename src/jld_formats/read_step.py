@@ -184,6 +184,7 @@ def _unit(file: _File) -> tuple[str, float]:
 
 
 def _length(file: _File, number: int) -> float:
+    """Return the size of a unit of length, m."""
     converted = file.of(number, "CONVERSION_BASED_UNIT")
     if converted is None:
         prefix = (file.of(number, "SI_UNIT") or [None])[0]
@@ -398,10 +399,10 @@ class _Reader:
         if self._file.kind(number) in ("PLANE", "LINE"):
             return True
         controls = [v for name, v in self._file.calls[number] if name.startswith(("B_SPLINE", "POLYLINE"))]
-        found = [ref for v in controls for ref in _references(v) if self._file.kind(ref) == "CARTESIAN_POINT"]
-        if len(found) < 2:
+        point_refs = [ref for v in controls for ref in _references(v) if self._file.kind(ref) == "CARTESIAN_POINT"]
+        if len(point_refs) < 2:
             return False
-        points = np.array([self._point(ref) for ref in found])
+        points = np.array([self._point(ref) for ref in point_refs])
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
         return bool(spread[(1 if line else 2) :].max(initial=0.0) <= _STRAIGHT * spread[0])
 

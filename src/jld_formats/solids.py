@@ -391,6 +391,7 @@ def _stated_tolerance(document: dict[str, Any], options: ImportOptions, notes: N
 
 
 def _select(content: Solids, options: ImportOptions, notes: Notes) -> Solids:
+    """Return the parts that the options choose, with z upwards."""
     if content.parts:
         names = [name for part in content.parts for name in (part.group, part.name)]
         refuse_unknown(options, [*names, *(mark.layer for mark in content.marks)], "layer, group or name")
@@ -553,10 +554,8 @@ def _triangulated(vertices: Floats, faces: Faces) -> Faces:
 
 
 def _apex(corners: Floats) -> int:
-    """Return the corner from which a bent face (k, 3) is split.
-
-    Of a quad's shorter diagonal, else the lexicographic first.
-    """
+    """Return the corner from which a bent face (k, 3) is split."""
+    # Of a quad's shorter diagonal, else the lexicographic first.
     order = np.lexsort(corners.T)
     if len(corners) != 4:
         return int(order[0])

@@ -39,9 +39,9 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
     for k, (name, support, surface) in enumerate(solids):
         block = _block(name, k, surface)
         x, y, z = surface.points.mean(axis=0).tolist()
-        own = dict(keys.get(name, {}))
-        if "block" in own:  # "block" is COMPAS's own key
-            own["block_name"] = own.pop("block")
+        attributes = dict(keys.get(name, {}))
+        if "block" in attributes:  # "block" is COMPAS's own key
+            attributes["block_name"] = attributes.pop("block")
         nodes[str(k)] = {
             "block": _envelope("compas_assembly.datastructures/Block", block, name),
             "name": name,
@@ -49,7 +49,7 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
             "x": x,
             "y": y,
             "z": z,
-            **own,
+            **attributes,
         }
     number = {name: k for k, (name, _, _) in enumerate(solids)}
     for a, b, points, _ in named_faces(layout, cells):
@@ -113,7 +113,7 @@ def named_faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats, int
     # Corners run counter-clockwise about the normal out of the first solid.
     assembly = layout.assembly
     faces = assembly.interfaces
-    found = []
+    named = []
     for k, (a, b, polygon) in enumerate(zip(faces.a.tolist(), faces.b.tolist(), faces.polygon, strict=True)):
         if cells:
             first, second = assembly.elements.ids[a], assembly.elements.ids[b]
@@ -124,8 +124,8 @@ def named_faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats, int
         points = _in_space(layout, polygon)
         # corners run counter-clockwise about the normal out of the first solid, as COMPAS expects
         out = faces.normal[k] if assembly.dimension == 3 else np.array([faces.normal[k, 0], 0.0, faces.normal[k, 1]])
-        found.append((first, second, points if area_vector(points) @ out > 0.0 else points[::-1], k))
-    return found
+        named.append((first, second, points if area_vector(points) @ out > 0.0 else points[::-1], k))
+    return named
 
 
 def point_in_space(layout: Layout, point: Floats) -> Floats:
@@ -349,13 +349,13 @@ class Dem:
 
     def _gravity(self) -> float:
         """Return the acceleration of gravity; raise InputError where it does not act along −z."""
-        stated = self._layout.scene.materials.gravity
-        if isinstance(stated, int | float):
-            return float(stated)
-        vector = [float(value) for value in stated]
+        gravity = self._layout.scene.materials.gravity
+        if isinstance(gravity, int | float):
+            return float(gravity)
+        vector = [float(value) for value in gravity]
         if any(vector[:-1]) or vector[-1] > 0.0:
             raise InputError(
-                "materials.gravity", f"it acts along {stated}", "gravity downwards: compas_dem knows no other"
+                "materials.gravity", f"it acts along {gravity}", "gravity downwards: compas_dem knows no other"
             )
         return -vector[-1]
 

@@ -221,12 +221,12 @@ class _File:
 
     def _attributes(self, layer: str, name: str = "", facts: dict[str, Any] | None = None) -> Any:
         if layer not in self._layers:
-            made = self._rhino.Layer()
-            made.Name = layer
+            new_layer = self._rhino.Layer()
+            new_layer.Name = layer
             shape = layer.rpartition("_")[2]
             colour = _RHINO_COLOURS.get(layer) or _SHAPES[(int(shape) if shape.isdigit() else 0) % len(_SHAPES)]
-            made.Color = (*colour, 255)
-            self._layers[layer] = self.model.Layers.Add(made)
+            new_layer.Color = (*colour, 255)
+            self._layers[layer] = self.model.Layers.Add(new_layer)
         attributes = self._rhino.ObjectAttributes()
         attributes.LayerIndex, attributes.Name = self._layers[layer], name
         for key, value in (facts or {}).items():

@@ -493,7 +493,7 @@ class _Polygons:
         self.points.append(corners)
         self.motion.append(self._velocity(element, corners))
         block = int(self.layout.block_of[element])
-        own = {
+        mesh = {
             "part": part,
             "element": element,
             "block": block,
@@ -505,7 +505,7 @@ class _Polygons:
         }
         for loop in loops:
             self.faces.append(tuple(start + index for index in loop))
-            for name, value in own.items():
+            for name, value in mesh.items():
                 self.rows[name].append(value)
             self.forces.append([0.0, 0.0, 0.0] if face is None else self._vectors[face].tolist())
 

@@ -235,7 +235,7 @@ class BoxStructure:
         self._require_all_loads(build_assembly(scene))
 
     def _require_all_loads(self, assembly: Assembly) -> None:
-        # such as fill
+        """Raise InputError unless the loads read here are all of an assembly; fill, for example, is not read."""
         for (*own_loads, _), case in zip(self.cases, assembly.by_case, strict=True):
             for loads, resultants in zip(own_loads, (case.dead, case.live), strict=True):
                 sums = np.zeros_like(resultants)
@@ -250,6 +250,7 @@ class BoxStructure:
                     raise InputError("loads", "some, such as fill, are not checked", "forces and moments on elements")
 
     def _displacements(self, claim: BoxClaim) -> dict[Pair, list[Vector]]:
+        """Return the step of each corner by each parameter of the box."""
         corners = {point for loop in self.outlines for point in loop}
         steps: dict[Pair, list[Vector]] = {}
         for parameter, motion in enumerate(claim.directions):

@@ -69,18 +69,20 @@ def move_with_points(move: dict[str, Any], start: Floats, places: Floats, size: 
         vertex = int(np.argmin(distance))
         if distance[vertex] > SAME * size:
             return point
-        found: list[float] = places[vertex].tolist()
-        return found
+        moved_point: list[float] = places[vertex].tolist()
+        return moved_point
 
-    found = dict(move)
+    key = dict(move)
     if "along" in move:
-        found["along"] = [{**path, "at": moved(path["at"])} if "at" in path else path for path in move["along"]]
+        key["along"] = [{**path, "at": moved(path["at"])} if "at" in path else path for path in move["along"]]
     if isinstance(move.get("ties"), list):
-        found["ties"] = [[moved(point) for point in group] for group in move["ties"]]
-    return found
+        key["ties"] = [[moved(point) for point in group] for group in move["ties"]]
+    return key
 
 
 def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, Any]:
+    """Return a scene with all friction coefficients multiplied by a factor."""
+
     def changed(entry: dict[str, Any]) -> dict[str, Any]:
         entry = dict(entry)
         angle = entry.pop("friction_angle", None)

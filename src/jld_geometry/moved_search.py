@@ -394,10 +394,11 @@ def moved_facts(done: MovedSearch) -> dict[str, Any]:
 
 
 def words_of_move(facts: dict[str, Any]) -> str:
-    low, high = (_said(facts[name]) for name in ("fields_lo", "fields_hi"))
+    """Return what a search with moved joints found, as a line."""
+    low, high = (_decimals(facts[name]) for name in ("fields_lo", "fields_hi"))
     text = f"best with moved joints: {low} ≤ λ ≤ {high} by fields (round {facts['round']}, row {facts['row']})"
     if facts["stated"] is not None:
-        least, most = (_said(end) for end in facts["stated"])
+        least, most = (_decimals(end) for end in facts["stated"])
         text += f"; the layout of the scene: {least} ≤ λ ≤ {most}"
     return f"{text}; rounds: {facts['rounds']}, layouts moved: {facts['layouts']}, ended: {facts['stop']}"
 
@@ -416,19 +417,19 @@ def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> di
     before, after = done.first.assembly, build_assembly(best.scene)
     # vertices of later rounds start where the former round left them
     moved = best.moved if best.number == 1 else np.zeros_like(best.moved)
-    bounds = f"{_said(facts['fields_lo'])} ≤ λ ≤ {_said(facts['fields_hi'])} by fields"
+    bounds = f"{_decimals(facts['fields_lo'])} ≤ λ ≤ {_decimals(facts['fields_hi'])} by fields"
     titles = ("layout of the scene", f"best moved layout: {bounds}")
     figure = figure_of_move(before, after, best.labels, best.places, moved, titles, before.labels)
     figures.save_figure(figure, folder / FILES[2])
     links = ", ".join(
         f'<a href="{"" if k == 1 else f"round-{k}/"}report.html">round {k}</a>' for k in range(1, len(done.rounds) + 1)
     )
-    shown = table.drop(columns=["labelling"]).to_html(index=False, float_format=_said, na_rep="–", border=0)
+    shown = table.drop(columns=["labelling"]).to_html(index=False, float_format=_decimals, na_rep="–", border=0)
     title = html.escape(f"{done.first.scene.name}: layouts with moved joints")
     page = _PAGE.format(title=title, words=html.escape(words_of_move(facts)), rounds=links, table=shown)
     files.write_text(folder / FILES[3], page)
     return facts
 
 
-def _said(value: float | None) -> str:
+def _decimals(value: float | None) -> str:
     return "none" if value is None else f"{value:.5g}"

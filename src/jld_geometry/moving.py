@@ -123,7 +123,7 @@ def move_shape(
     if done.end == "interrupted":
         _write(done, out)
         stop = Interrupted()
-        stop.words = f"stopped; the best so far is in {out}: {_named(done.shape)}, λ {_said(done.after)}"
+        stop.words = f"stopped; the best so far is in {out}: {_named(done.shape)}, λ {_words_of_factor(done.after)}"
         raise stop
     facts = _shape_facts(done)
     facts["fields"] = _by_fields(assembly, labels, done)
@@ -138,7 +138,7 @@ def move_shape(
     if as_json:
         streams.say(json.dumps(facts, indent=1))
         return
-    values = f"λ {_said(done.before)} to {_said(done.after)}"
+    values = f"λ {_words_of_factor(done.before)} to {_words_of_factor(done.after)}"
     streams.say(f"best: {_named(done.shape)}, {values}, {len(done.trials)} shapes, {done.end}")
     if facts["fields"]["skipped"] is None:
         streams.say(f"by fields: λ ≥ {value_text(before)} before, λ ≥ {value_text(after)} after")
@@ -182,7 +182,10 @@ def _write(done: ShapedJoints, out: Path) -> None:
     rows = pd.DataFrame([{**vars(shape), "load_factor": value} for shape, value in done.trials])
     options.write_scene(done.scene, out)
     files.write_text(out.with_suffix(".csv"), csv_of(rows))
-    titles = [f"straight: λ = {_said(done.before)}", f"{type(done.shape).__name__.lower()}: λ = {_said(done.after)}"]
+    titles = [
+        f"straight: λ = {_words_of_factor(done.before)}",
+        f"{type(done.shape).__name__.lower()}: λ = {_words_of_factor(done.after)}",
+    ]
     figures.save_figure(figures.figure_of_layouts([done.before, done.after], titles), out.with_suffix(".png"))
 
 
@@ -190,7 +193,7 @@ def _named(shape: Shape) -> str:
     return ", ".join(f"{name} {value:.4g}" for name, value in vars(shape).items())
 
 
-def _said(result: LimitAnalysisResult) -> str:
+def _words_of_factor(result: LimitAnalysisResult) -> str:
     return f"{result.load_factor:.6g}" if result.status is Status.COLLAPSE else str(result.status)
 
 
@@ -479,6 +482,7 @@ def _replace_by_field_bounds(
 
 
 def _doubts(checked: dict[str, Any] | None) -> list[str]:
+    """Return a sentence of doubt where bounds by fields do not confirm the gain."""
     if checked is None:
         return []
     if checked["skipped"] is not None:

@@ -94,11 +94,11 @@ class GeometrySearch:
         mesh: VertexMesh | SpatialMesh
         if assembly.dimension == 3:
             require_spatial(assembly, labels, self.move)
-            mesh = space = spatial_mesh(assembly)
-            self.variables: Variables = spatial_variables(assembly, space, self.move)
+            mesh = solid_mesh = spatial_mesh(assembly)
+            self.variables: Variables = spatial_variables(assembly, solid_mesh, self.move)
         else:
-            mesh = plane = vertex_mesh(assembly)
-            self.variables = variables_of(assembly, labels, plane, self.move)
+            mesh = planar_mesh = vertex_mesh(assembly)
+            self.variables = variables_of(assembly, labels, planar_mesh, self.move)
         moving = np.zeros(len(mesh.places), dtype=bool)
         moving[self.variables.vertex] = True
         if self.variables.scaled:
@@ -376,19 +376,18 @@ def move_joints(scene: Scene, assembly: Assembly, labels: Bits, **options: Unpac
     run = MoveRun(**options)
     search = GeometrySearch(scene, assembly, labels, run.trust)
     before = search.first()
-    # the strongest point so far, for an interrupt
-    kept: list[Evaluated] = []
+    best_so_far: list[Evaluated] = []  # the strongest point, for an interrupt; empty without any
     try:
-        best = _best_of_starts(search, before, run, kept)
+        best = _best_of_starts(search, before, run, best_so_far)
     except KeyboardInterrupt:
-        if not kept:
+        if not best_so_far:
             raise
-        best = kept[0], "interrupted"
+        best = best_so_far[0], "interrupted"
     return moved_result(search, before, best, run.points)
 
 
 def _best_of_starts(
-    search: GeometrySearch, before: Evaluated | None, run: MoveRun, kept: list[Evaluated]
+    search: GeometrySearch, before: Evaluated | None, run: MoveRun, best_so_far: list[Evaluated]
 ) -> tuple[Evaluated, str]:
     """Optimise from every start, then from the best end; return best point and reason."""
     best: Evaluated | None = None
@@ -397,8 +396,8 @@ def _best_of_starts(
         bracket = (math.nan, math.nan) if point.result is None else point.result.bracket
         if search.goal != "load_factor":
             bracket = (math.nan, math.nan)
-        if not kept or point.objective > kept[0].objective:
-            kept[:] = [point]
+        if not best_so_far or point.objective > best_so_far[0].objective:
+            best_so_far[:] = [point]
         promised = search.value_of(replace(point, objective=predicted))
         run.record(number, search.value_of(point), bracket, promised, radius, search.evaluator.solves)
 
@@ -427,6 +426,7 @@ def _best_of_starts(
 def moved_result(
     search: GeometrySearch, before: Evaluated | None, best: tuple[Evaluated, str], points: list[Point]
 ) -> MovedJoints:
+    """Return the result of an optimisation that ended at a point."""
     point, end = best
     places = search.variables.places(point.values)
     scene = search.moved.at(places, point.friction)
@@ -592,10 +592,10 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
             return None
         rates = (values / required for values in (of_case.derivative, of_case.left, of_case.right))
         return GeometrySensitivities(of_case.vertices, *rates)
-    plain = result.model.supports_bounds_over_labellings and result.model.inner_bending == "uncoupled"
-    plain = plain and not result.assembly.pressed and not result.assembly.members
-    plain = plain and result.assembly.members.bond is None
-    if result.status is not Status.COLLAPSE or not plain or result.forces is None or result.mechanism is None:
+    model, assembly = result.model, result.assembly
+    is_supported = model.supports_bounds_over_labellings and model.inner_bending == "uncoupled"
+    is_supported = is_supported and not assembly.pressed and not assembly.members and assembly.members.bond is None
+    if result.status is not Status.COLLAPSE or not is_supported or result.forces is None or result.mechanism is None:
         return None
     if result.assembly.dimension == 3:
         of_vertices = spatial_rates(result, result.forces, result.mechanism)

@@ -245,6 +245,7 @@ class _Finder:
 
 
 def _with_thickness(variables: Variables, assembly: Assembly, circles: list[scene_move.Path]) -> Variables:
+    """Return variables with the thickness of an arch, whose rings move apart."""
     if not circles:
         problem = "the thickness is that of an arch on circles"
         raise InputError("move.maximise", problem, '"along": [{"circle": [x, y]}] with its centre')

@@ -23,7 +23,7 @@ _EQUAL: Final = 1e-6  # relative difference up to which two load factors are one
 Entry = dict[str, Any]
 
 
-def entries_of(path: Path, known: dict[str, Entry]) -> list[Entry]:
+def entries_of(path: Path, records: dict[str, Entry]) -> list[Entry]:
     """Return the layouts of a submission; raise InputError for a file that is none."""
     try:
         document = files.json_of(path.read_text(encoding="utf-8-sig"))
@@ -41,7 +41,7 @@ def entries_of(path: Path, known: dict[str, Entry]) -> list[Entry]:
         where = f"{path}: layouts[{k}]"
         if not isinstance(layout, dict) or sorted(layout) != ["labels", "load_factor", "problem"]:
             raise InputError(where, "its keys are wrong", "problem, labels and load_factor")
-        if not isinstance(layout["problem"], str) or layout["problem"] not in known:
+        if not isinstance(layout["problem"], str) or layout["problem"] not in records:
             raise InputError(f"{where}.problem", f"there is no {layout['problem']!r}", "a name of jld benchmark list")
         claim = layout["load_factor"]
         if isinstance(claim, bool) or not isinstance(claim, int | float) or not math.isfinite(claim):

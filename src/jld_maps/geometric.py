@@ -66,7 +66,7 @@ def _carry_supports(assembly: Assembly, found: Middles) -> None:
 def _between(points: Floats, corners: Floats, middle: Floats, near: float) -> Floats:
     """Return the middles of points on an outline: those of its corners, and of edges in the same proportion."""
     away = np.linalg.norm(points[:, None] - corners, axis=2)
-    found = np.array(middle[away.argmin(axis=1)])
+    nearest = np.array(middle[away.argmin(axis=1)])
     for k in np.flatnonzero(away.min(axis=1) > near).tolist():
         best = np.inf
         for i, j in itertools.combinations(range(len(corners)), 2):
@@ -74,8 +74,8 @@ def _between(points: Floats, corners: Floats, middle: Floats, near: float) -> Fl
             part = float(np.clip((points[k] - corners[i]) @ edge / (edge @ edge), 0.0, 1.0))
             off = float(np.linalg.norm(corners[i] + part * edge - points[k]))
             if off < best:
-                best, found[k] = off, (1.0 - part) * middle[i] + part * middle[j]
-    return np.asarray(found)
+                best, nearest[k] = off, (1.0 - part) * middle[i] + part * middle[j]
+    return np.asarray(nearest)
 
 
 # --- blocks one after the other ----------------------------------------------------------------------------
@@ -88,7 +88,7 @@ def _joints_of(assembly: Assembly, element: int) -> list[Floats]:
 
 
 def _chain(assembly: Assembly, near: float) -> Middles:
-    """Blocks one after the other, each between two joints that are whole sides of it."""
+    """Return the middle lines of blocks in a row, each between two joints that are whole sides of it."""
     elements, faces = assembly.elements, assembly.interfaces
     middle = [points.copy() for points in elements.shape]
     for k in elements.free.tolist():
@@ -168,7 +168,7 @@ def _exact(middle_of: Map, outlines: Sequence[Floats], near: float) -> Map:
 
 def _of_body(outlines: Sequence[Floats], contacts: Sequence[Floats], near: float) -> tuple[Map, Sizes, str]:
     """Return the middle line of a body on supports, its least and largest thickness, and what it is."""
-    body = shapely.union_all([shapely.Polygon(one) for one in outlines], grid_size=1e-3 * near)
+    body = shapely.union_all([shapely.Polygon(ring) for ring in outlines], grid_size=1e-3 * near)
     lines = shapely.line_merge(
         shapely.union_all([shapely.LineString(contact) for contact in contacts], grid_size=1e-3 * near)
     )
@@ -236,14 +236,12 @@ def _wall(outline: Floats, base: Floats, near: float) -> tuple[Map, Sizes]:
 
 
 def _arch(body: Any, outline: Floats, ends: Sequence[Floats], near: float) -> tuple[Map, Sizes]:
-    """Return the middle line of an arch or frame between its contacts (2, 2) with two supports; outline: (k, 2).
-
-    The outline has two sides between the contacts. Corners of both, equally many, are paired, and points between them
-    by their share of length: this gives chords, and the middle of a point is that of the chord through it.
-    """
+    """Return the middle line of an arch or frame between its contacts (2, 2) with two supports; outline: (k, 2)."""
+    # The outline has two sides between the contacts. Corners of both, equally many, are paired, and points between them
+    # by their share of length: this gives chords, and the middle of a point is that of the chord through it.
     points = np.concatenate([*ends, outline])
     owner = np.repeat([0, 1, -1], [2, 2, len(outline)])  # contacts may end within a side of the outline
-    order = np.argsort([body.exterior.project(shapely.Point(one)) for one in points], kind="stable")
+    order = np.argsort([body.exterior.project(shapely.Point(xy)) for xy in points], kind="stable")
     steps = np.linalg.norm(points[order] - np.roll(points[order], 1, axis=0), axis=1) <= near
     order = order[~(steps & (owner[order] < 0))]
     # a side runs from a contact to the other one

@@ -58,7 +58,9 @@ def points_of(grid: Any) -> dict[str, list[Any]]:
     """Return the values of a grid by key; raise InputError for an empty or too large one."""
     if not isinstance(grid, Mapping) or not grid:
         raise ParameterError("grid", "it names no key", "a dict of keys with the values of each")
-    axes = {str(key): one if isinstance(one, list) else np.atleast_1d(one).tolist() for key, one in grid.items()}
+    axes = {
+        str(key): value if isinstance(value, list) else np.atleast_1d(value).tolist() for key, value in grid.items()
+    }
     for key, values in axes.items():
         if not values:
             raise ParameterError(key, "it has no values", "one value or more")
@@ -73,9 +75,9 @@ def put(document: dict[str, Any], key: str, value: Any) -> None:
         _turn(document, key, float(value))
         return
     path = parts_of(key)
-    now, container, part = place_of(document, key)
+    current, container, part = place_of(document, key)
     # a number may take the place of one with a distribution, or with a nominal and a low value
-    if path[0] in _FREE or (isinstance(now, dict) and now.keys().isdisjoint(("mean", "nominal"))):
+    if path[0] in _FREE or (isinstance(current, dict) and current.keys().isdisjoint(("mean", "nominal"))):
         raise InputError(key, "it is no number that λ depends on", "a key such as materials.dry.friction_coefficient")
     if isinstance(container, dict) and str(part).startswith("friction_"):  # a scene states one of both
         container.pop("friction_angle", None)
@@ -109,13 +111,13 @@ def _turn(document: dict[str, Any], key: str, degrees: float) -> None:
     """Turn all live loads of a scene; raise InputError for loads that are no vectors."""
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     loads = document.get("loads", {})
-    for entry in [one for case in [loads, *loads.get("cases", [])] for one in case.get("live") or []]:
-        keys = [name for name in ("force", "body") if name in entry]
-        if not keys or "pressure" in entry or "tilt" in entry:
+    for load in [entry for case in [loads, *loads.get("cases", [])] for entry in case.get("live") or []]:
+        keys = [name for name in ("force", "body") if name in load]
+        if not keys or "pressure" in load or "tilt" in load:
             raise InputError(key, "a live load has no direction of its own", "live loads with a force or a body load")
         for name in keys:
-            x, y, *others = entry[name]
-            entry[name] = [c * x - s * y, s * x + c * y, *others]
+            x, y, *others = load[name]
+            load[name] = [c * x - s * y, s * x + c * y, *others]
 
 
 @dataclass(frozen=True)
@@ -126,17 +128,17 @@ class States:
     # for each group its axes, how many values they have, and strengths and loads that differ with where they do
     groups: list[tuple[list[int], tuple[int, ...], list[tuple[Floats, Bools]]]]
 
-    def at(self, places: Floats) -> tuple[Strengths, Floats]:
+    def at(self, indices: Floats) -> tuple[Strengths, Floats]:
         """Return strengths (k·m,) and loads (c, 2, k, n, q) of points given by positions (k, axes) of their values.
 
         A position between two values gives the state between theirs.
         """
-        parts = [np.repeat(array[None], len(places), axis=0) for array in self.base]
+        parts = [np.repeat(array[None], len(indices), axis=0) for array in self.base]
         for axes, shape, changes in self.groups:
-            low = np.floor(places[:, axes]).astype(np.int64)
-            share = (places[:, axes] - low).max(axis=1)
+            low = np.floor(indices[:, axes]).astype(np.int64)
+            share = (indices[:, axes] - low).max(axis=1)
             between = share > 0.0
-            high = np.ceil(places[:, axes]).astype(np.int64)
+            high = np.ceil(indices[:, axes]).astype(np.int64)
             first, second = (np.ravel_multi_index(tuple(array.T), shape) for array in (low, high[between]))
             for part, (values, where) in zip(parts, changes, strict=True):
                 part[:, where] = values[first][:, where]
@@ -205,9 +207,9 @@ class Grid:
         shared = all(key == ANGLE or key.split(".")[0] in _APART for key in self.axes)
         return build_geometry(self.scene(self.middle)) if shared else None
 
-    def assembly(self, place: Any) -> Assembly:
+    def assembly(self, indices: Any) -> Assembly:
         """Return the structure at positions (axes,) of values."""
-        return build_assembly(self.scene(place), self._geometry)
+        return build_assembly(self.scene(indices), self._geometry)
 
     def states(self) -> States | None:
         """Return strengths and loads at all points; None where more depends on the values.
@@ -255,18 +257,19 @@ class Grid:
             states.append(_state(assembly))
         return [np.array(array) for array in zip(*states, strict=True)]
 
-    def _acts_together(self, changed: list[list[Bools]], one: int, two: int) -> bool:
+    def _acts_together(self, changed: list[list[Bools]], axis: int, other: int) -> bool:
         """Return True if two axes change the same values, both change loads, or stand in one object of the scene."""
-        first, second = (changed[k] for k in (one, two))
+        first, second = (changed[k] for k in (axis, other))
         keys = list(self.axes)
-        beside = keys[one].rpartition(".")[0] == keys[two].rpartition(".")[0] and "inner" in keys[one]
+        beside = keys[axis].rpartition(".")[0] == keys[other].rpartition(".")[0] and "inner" in keys[axis]
         # of strengths of one material some are refused beside others, where inner faces have friction
         friction = self.document.get("materials", {}).get("inner") or {}
-        joined = beside and any("friction" in key for key in (*friction, keys[one], keys[two]))
+        joined = beside and any("friction" in key for key in (*friction, keys[axis], keys[other]))
         return bool((first[0] & second[0]).any() or (first[1].any() and second[1].any()) or joined)
 
 
 def _value(axis_values: list[Any], index: float) -> Any:
+    """Return the value at an index, interpolated between two values."""
     low = int(index)
     return (
         axis_values[low]
@@ -386,6 +389,7 @@ def _bounds_of(columns: dict[str, Any]) -> list[CaseBounds]:
 
 
 def _row(result: Any) -> dict[str, Any]:
+    """Return the columns of one solved point."""
     name = ""
     if result.status is Status.COLLAPSE and result.mechanism is not None:
         jumps = face_jumps(result.assembly, result.mechanism)[None]
@@ -433,33 +437,33 @@ class Swept:
         self.labels = assemblies.labels_of(self.assembly, labels)
         require_materials(self.assembly, self.labels, ~self.labels)
         uncut_labels = _uncut(self.assembly, self.labels) if uncut else self.labels
-        self._whole = None if (uncut_labels == self.labels).all() else uncut_labels
-        each = {labels_of.tobytes(): labels_of for labels_of in (self.labels, uncut_labels)}
-        self._usual = {key: self._analyses(self.assembly, labels_of) for key, labels_of in each.items()}
-        self.batched = all(labels_of.batched for each in self._usual.values() for labels_of in each)
+        self._uncut_labels = None if (uncut_labels == self.labels).all() else uncut_labels
+        layouts = {layout.tobytes(): layout for layout in (self.labels, uncut_labels)}
+        self._analyses_by_labels = {key: self._analyses(self.assembly, layout) for key, layout in layouts.items()}
+        self.batched = all(case.batched for cases in self._analyses_by_labels.values() for case in cases)
 
     @staticmethod
     def _analyses(assembly: Assembly, labels: Bits) -> list[SampleAnalysis]:
         return [SampleAnalysis(limit_analysis(case, _OPTIONS, reference=labels), labels) for case in assembly.by_case]
 
-    def all(self, places: Floats, jobs: int) -> dict[str, Any]:
-        size = min(_PORTION, -(-len(places) // jobs))
-        portions = [places[k : k + size] for k in range(0, len(places), size)]
+    def all(self, indices: Floats, jobs: int) -> dict[str, Any]:
+        size = min(_PORTION, -(-len(indices) // jobs))
+        portions = [indices[k : k + size] for k in range(0, len(indices), size)]
         parts = Parallel(n_jobs=jobs, prefer="threads")(delayed(self._portion)(portion) for portion in portions)
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     @one_thread()
-    def _portion(self, places: Floats) -> dict[str, Any]:
-        bounds = self._bounds(places, self.labels)
-        uncut = bounds if self._whole is None else self._bounds(places, self._whole, named=False)
+    def _portion(self, indices: Floats) -> dict[str, Any]:
+        bounds = self._bounds(indices, self.labels)
+        uncut = bounds if self._uncut_labels is None else self._bounds(indices, self._uncut_labels, named=False)
         return bounds | {"uncut": np.where(np.isfinite(uncut["bracket_hi"]), uncut["bracket_hi"], np.nan)}
 
-    def _bounds(self, places: Floats, labels: Bits, *, named: bool = True) -> dict[str, Any]:
+    def _bounds(self, indices: Floats, labels: Bits, *, named: bool = True) -> dict[str, Any]:
         """Return the columns of points: by batches, then one by one."""
-        analyses, open_rows = self._usual[labels.tobytes()], np.arange(len(places))
+        analyses, open_rows = self._analyses_by_labels[labels.tobytes()], np.arange(len(indices))
         columns: dict[str, Any] = {}
         for _ in range(_STARTS):
-            strengths, loads = self.states.at(places[open_rows])
+            strengths, loads = self.states.at(indices[open_rows])
             each = zip(analyses, loads, strict=True)
             solved = self._governing(
                 [self._case(analysis, strengths, load, labels, named=named) for analysis, load in each]
@@ -473,9 +477,9 @@ class Swept:
             if len(open_rows) < _FEW:
                 break
             # a starting point among those that are left
-            analyses = self._analyses(self.points.assembly(places[open_rows[len(open_rows) // 2]]), labels)
+            analyses = self._analyses(self.points.assembly(indices[open_rows[len(open_rows) // 2]]), labels)
         for k in open_rows.tolist():
-            single = CaseAnalysis(self.points.assembly(places[k]), _OPTIONS, single_labelling=True).solve(labels)
+            single = CaseAnalysis(self.points.assembly(indices[k]), _OPTIONS, single_labelling=True).solve(labels)
             for name, value in _row(single).items():
                 columns[name][k] = value
         return columns
@@ -513,7 +517,9 @@ class Swept:
                 ),
                 "bracket_lo": np.array([outcome.low for outcome in decided]),
                 "bracket_hi": np.array([outcome.high for outcome in decided]),
-                "mechanism": np.array([cases[one.case]["mechanism"][k] for k, one in enumerate(decided)], dtype=object),
+                "mechanism": np.array(
+                    [cases[worst.case]["mechanism"][k] for k, worst in enumerate(decided)], dtype=object
+                ),
             }
         value = 0.5 * (columns["bracket_lo"] + columns["bracket_hi"])
         proven = np.isin(columns["status"].astype(str), [str(status) for status in _DECIDED])
@@ -562,31 +568,31 @@ def borders(structure: Any, grid: Any, table: pd.DataFrame, labels: Any = None) 
         first, second = (np.moveaxis(names, axis, 0)[cut] for cut in (slice(None, -1), slice(1, None)))
         edges = np.argwhere((first != second) & (first != "") & (second != ""))
         if len(edges):
-            places = np.insert(edges[:, 1:], axis, edges[:, 0], axis=1)
-            found = _along(scene, axes, key, places, labels)
-            if found is not None:
-                parts.append(found)
+            edge_indices = np.insert(edges[:, 1:], axis, edges[:, 0], axis=1)
+            rows = _along(scene, axes, key, edge_indices, labels)
+            if rows is not None:
+                parts.append(rows)
     columns = [*axes, "along", "one", "other", "load_factor"]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=columns)
 
 
-def _along(scene: Scene, axes: dict[str, list[Any]], key: str, places: Any, labels: Any) -> pd.DataFrame | None:
-    """Find the borders on edges of a grid along a key; places: (e, axes) the lower ends of the edges."""
+def _along(scene: Scene, axes: dict[str, list[Any]], key: str, indices: Any, labels: Any) -> pd.DataFrame | None:
+    """Find the borders on edges of a grid along a key; indices: (e, axes) of the lower ends of the edges."""
     axis, values = list(axes).index(key), np.array(axes[key], dtype=float)
     # one assembly for each value of the map and between its ends; where states lie on a line, none for further values
-    every = np.unique([*values, 0.5 * (values[0] + values[-1])])
-    points = Grid(scene, axes | {key: every.tolist()})
+    all_values = np.unique([*values, 0.5 * (values[0] + values[-1])])
+    points = Grid(scene, axes | {key: all_values.tolist()})
     states = points.states()
     swept_map = None if states is None else Swept(points, states, labels, uncut=False)
     if states is None or swept_map is None or not swept_map.batched:
         return None
-    linear = states.linear(axis, every)
+    linear = states.linear(axis, all_values)
 
     def at(x: Any) -> dict[str, Any]:
         """Return the columns of `sweep` at values (e,) of the key, or several for each edge."""
-        positions, swept = np.tile(places.astype(float), (len(x) // len(places), 1)), swept_map
+        positions, swept = np.tile(indices.astype(float), (len(x) // len(indices), 1)), swept_map
         if linear:
-            positions[:, axis] = np.interp(x, every, np.arange(len(every)))
+            positions[:, axis] = np.interp(x, all_values, np.arange(len(all_values)))
         else:
             all_x, where = np.unique(np.concatenate([x, values[:2]]), return_inverse=True)
             further = Grid(scene, axes | {key: all_x.tolist()})
@@ -594,7 +600,7 @@ def _along(scene: Scene, axes: dict[str, list[Any]], key: str, places: Any, labe
             positions[:, axis] = where[: len(x)]
         return swept.all(positions, 1)
 
-    low, high = values[places[:, axis]], values[places[:, axis] + 1]
+    low, high = values[indices[:, axis]], values[indices[:, axis] + 1]
     name = at(low)["mechanism"]
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
@@ -607,15 +613,15 @@ def _along(scene: Scene, axes: dict[str, list[Any]], key: str, places: Any, labe
     after = np.where(high + step > values.max(), high - _NEAR * step, high + step)
     swept_points = at(np.concatenate([before, low, high, after]))
     mechanisms = np.split(swept_points["mechanism"], 4)
-    of_before, of_low, of_high, of_after = np.split(swept_points["load_factor"].copy(), 4)
-    of_before[(before > low) & (mechanisms[0] != name)] = np.nan
-    of_after[(after < high) & (mechanisms[3] != mechanisms[2])] = np.nan
-    slope_low, slope_high = (of_low - of_before) / (low - before), (of_after - of_high) / (after - high)
+    factor_before, factor_low, factor_high, factor_after = np.split(swept_points["load_factor"].copy(), 4)
+    factor_before[(before > low) & (mechanisms[0] != name)] = np.nan
+    factor_after[(after < high) & (mechanisms[3] != mechanisms[2])] = np.nan
+    slope_low, slope_high = (factor_low - factor_before) / (low - before), (factor_after - factor_high) / (after - high)
     with np.errstate(divide="ignore", invalid="ignore"):
-        border = low + (of_high - of_low - slope_high * step) / (slope_low - slope_high)
+        border = low + (factor_high - factor_low - slope_high * step) / (slope_low - slope_high)
     meets = np.isfinite(border) & (border >= low - step) & (border <= high + step)
     border = np.where(meets, border, 0.5 * (low + high))
-    table = {column: np.array(axes[column], dtype=object)[places[:, k]] for k, column in enumerate(axes)}
+    table = {column: np.array(axes[column], dtype=object)[indices[:, k]] for k, column in enumerate(axes)}
     table |= {key: border, "along": key, "one": mechanisms[1], "other": mechanisms[2]}
-    load_factor = np.where(meets, of_low + slope_low * (border - low), 0.5 * (of_low + of_high))
+    load_factor = np.where(meets, factor_low + slope_low * (border - low), 0.5 * (factor_low + factor_high))
     return pd.DataFrame(table | {"load_factor": load_factor})

@@ -44,13 +44,13 @@ def course(bond: str, number: int, length: float, stretcher: float) -> Floats:
     return np.concatenate([[0.0], inside, [length]])
 
 
-def without(pieces: list[tuple[float, float]], left: float, right: float, least: float) -> list[tuple[float, float]]:
+def without(pieces: list[tuple[float, float]], start: float, end: float, shortest: float) -> list[tuple[float, float]]:
     """Remove an interval from the stones of a course; what is left below a length joins its neighbour."""
-    before = [(float(a), float(min(b, left))) for a, b in pieces if a < left - 1e-12]
-    after = [(float(max(a, right)), float(b)) for a, b in pieces if b > right + 1e-12]
-    if len(before) > 1 and before[-1][1] - before[-1][0] < least:
+    before = [(float(a), float(min(b, start))) for a, b in pieces if a < start - 1e-12]
+    after = [(float(max(a, end)), float(b)) for a, b in pieces if b > end + 1e-12]
+    if len(before) > 1 and before[-1][1] - before[-1][0] < shortest:
         before = [*before[:-2], (before[-2][0], before[-1][1])]
-    if len(after) > 1 and after[0][1] - after[0][0] < least:
+    if len(after) > 1 and after[0][1] - after[0][0] < shortest:
         after = [(after[0][0], after[1][1]), *after[2:]]
     return before + after
 
@@ -115,7 +115,9 @@ def squared(plan: shapely.Geometry, name: str) -> shapely.Geometry:
     polygons = [
         shapely.transform(
             shapely.geometry.polygon.orient(part),
-            lambda points: np.column_stack([snapped(one, level) for level, one in zip(levels, points.T, strict=True)]),
+            lambda points: np.column_stack(
+                [snapped(axis, level) for level, axis in zip(levels, points.T, strict=True)]
+            ),
         )
         for part in shapely.get_parts(plan)
     ]
@@ -139,14 +141,14 @@ def snapped(values: Floats, levels: Floats) -> Floats:
 
 def inner_corners(plan: shapely.Polygon) -> Floats:
     """Return the re-entrant corners (k, 2) of a squared plan, where walls meet."""
-    found: list[Floats] = [np.zeros((0, 2))]
+    corners: list[Floats] = [np.zeros((0, 2))]
     for ring in (plan.exterior, *plan.interiors):
         points = shapely.get_coordinates(ring)[:-1]
         edges = np.roll(points, -1, axis=0) - points
         before = np.roll(edges, 1, axis=0)
         turns = before[:, 0] * edges[:, 1] - before[:, 1] * edges[:, 0]
-        found.append(points[turns < 0.0])
-    return np.concatenate(found)
+        corners.append(points[turns < 0.0])
+    return np.concatenate(corners)
 
 
 def walls_of(plan: shapely.Polygon, corners: Floats, through: int) -> list[Rectangle]:
@@ -161,22 +163,22 @@ def walls_of(plan: shapely.Polygon, corners: Floats, through: int) -> list[Recta
         for part in shapely.get_parts(inside):
             if part.geom_type != "Polygon":  # edges that touch the strip
                 continue
-            one = list(part.bounds)
+            piece = list(part.bounds)
             # as wide as the piece below it: both are one wall
             below = next(
                 (
                     other
                     for other in walls
-                    if other[through] == one[through]
-                    and other[through + 2] == one[through + 2]
-                    and other[across + 2] == one[across]
+                    if other[through] == piece[through]
+                    and other[through + 2] == piece[through + 2]
+                    and other[across + 2] == piece[across]
                 ),
                 None,
             )
             if below is None:
-                walls.append(one)
+                walls.append(piece)
             else:
-                below[across + 2] = one[across + 2]
+                below[across + 2] = piece[across + 2]
     return [(wall[0], wall[1], wall[2], wall[3]) for wall in walls]
 
 
@@ -218,17 +220,17 @@ def bonded_walls(
     # openings in their own course and in those above and below, and from the ends of lintels in courses above and
     # below.
     walls = _Walls(sections, bond, stretcher, first, lintel or Lintel(), name)
-    above: list[list[tuple[Rectangle, Interval]]] = []
+    lintels: list[list[tuple[Rectangle, Interval]]] = []
     for k in range(len(sections)):
-        above.append(walls.lintels(k, above[k - 1] if k else []))
-    found = []
+        lintels.append(walls.lintels(k, lintels[k - 1] if k else []))
+    courses = []
     for k, (low, high) in enumerate(itertools.pairwise(beds)):
-        beside = [whole for j in (k - 1, k + 1) if 0 <= j < len(above) for whole, _ in above[j]]
-        stones = [_hexahedron(*_axes(stone), low, high) for stone in walls.stones(k, above[k], beside)]
-        for whole, jambs in above[k]:
-            stones += _lintel_stones(whole, jambs, low, high, walls.lintel.stones)
-        found.append(stones)
-    return found
+        beside = [lintel_plan for j in (k - 1, k + 1) if 0 <= j < len(lintels) for lintel_plan, _ in lintels[j]]
+        stones = [_hexahedron(*_axes(stone), low, high) for stone in walls.stones(k, lintels[k], beside)]
+        for lintel_plan, jambs in lintels[k]:
+            stones += _lintel_stones(lintel_plan, jambs, low, high, walls.lintel.stones)
+        courses.append(stones)
+    return courses
 
 
 @dataclass
@@ -264,33 +266,33 @@ class _Walls:
         """Return the positions along a wall that a region covers, ascending; if strict, through its whole thickness."""
         along = axis_of(wall)
         thickness = wall[3 - along] - wall[1 - along]
-        found = []
+        intervals = []
         for part in shapely.get_parts(shapely.intersection(region, shapely.box(*wall))):
             start, end = part.bounds[along], part.bounds[along + 2]
             if part.geom_type != "Polygon" or part.area <= _SAME * self.plan.area:
                 continue
             if strict and abs((end - start) * thickness - part.area) > _SAME * self.plan.area:
                 raise self._refusal("an opening is no rectangle through its wall", "windows and doors with plane jambs")
-            found.append((start, end))
-        return sorted(found)
+            intervals.append((start, end))
+        return sorted(intervals)
 
     def lintels(self, k: int, below: list[tuple[Rectangle, Interval]]) -> list[tuple[Rectangle, Interval]]:
         """Return the lintels of a course, in plan, each with the jambs of its opening."""
         if k == 0:
             return []
         covered = shapely.difference(self.voids[k - 1], self.voids[k])
-        found = []
+        lintels = []
         for wall in self.walls(k):
             along = axis_of(wall)
             spans = self._intervals(covered, wall)
-            under = self._intervals(self.voids[k - 1], wall, strict=bool(spans))
+            openings_below = self._intervals(self.voids[k - 1], wall, strict=bool(spans))
             gaps = self._intervals(self.voids[k], wall)
-            later = self._intervals(self.voids[k + 1], wall, strict=False) if k + 1 < len(self.voids) else []
+            openings_above = self._intervals(self.voids[k + 1], wall, strict=False) if k + 1 < len(self.voids) else []
             inside = (self.corners >= wall[:2]).all(axis=1) & (self.corners <= wall[2:]).all(axis=1)
-            lines = [*self.corners[inside, along].tolist(), *(p for one in later for p in one)]
-            lines += [p for whole, _ in below if _overlap(whole, wall) for p in (whole[along], whole[along + 2])]
+            lines = [*self.corners[inside, along].tolist(), *(p for one in openings_above for p in one)]
+            lines += [p for lintel, _ in below if _overlap(lintel, wall) for p in (lintel[along], lintel[along + 2])]
             for span in spans:
-                if not any(np.allclose(span, one, rtol=0.0, atol=self.near) for one in under):
+                if not any(np.allclose(span, one, rtol=0.0, atol=self.near) for one in openings_below):
                     raise self._refusal("an opening is narrower above", "jambs that are upright up to the lintel")
                 ends = []
                 for side in (0, 1):
@@ -302,19 +304,22 @@ class _Walls:
                     limit = max(0.0, min(stop for stop in stops if stop >= -self.near))
                     reach = self._bearing(limit, [sign * (line - span[side]) for line in lines])
                     ends.append(span[side] + sign * reach)
-                found.append((within(wall, *ends), span))
-        if abs(sum(_area(whole, span) for whole, span in found) - covered.area) > _SAME * self.plan.area:
+                lintels.append((within(wall, *ends), span))
+        if abs(sum(_area(lintel, span) for lintel, span in lintels) - covered.area) > _SAME * self.plan.area:
             raise self._refusal("an opening is no rectangle through its wall", "windows and doors with plane jambs")
-        return found
+        return lintels
 
     def _bearing(self, limit: float, lines: list[float]) -> float:
         """Return the length by which a lintel reaches beyond a jamb; raise InputError where the wall is too short."""
-        least, given = SLIVER * self.stretcher * (1.0 - 1e-9), self.lintel.bearing
-        if limit < (least if given is None else given * (1.0 - 1e-9)):
-            wanted = f"at least {SLIVER * self.stretcher if given is None else given:g} for the bearing of its lintel"
-            wanted += "" if given is None else ", or a smaller `bearing`"
-            raise self._refusal(f"an opening leaves {limit:.3g} of wall beside it", wanted)
-        reach = min(limit, _HALF * self.stretcher if given is None else given)
+        least, bearing = SLIVER * self.stretcher * (1.0 - 1e-9), self.lintel.bearing
+        if limit < (least if bearing is None else bearing * (1.0 - 1e-9)):
+            needed = SLIVER * self.stretcher if bearing is None else bearing
+            advice = "" if bearing is None else ", or a smaller `bearing`"
+            raise self._refusal(
+                f"an opening leaves {limit:.3g} of wall beside it",
+                f"at least {needed:g} for the bearing of its lintel{advice}",
+            )
+        reach = min(limit, _HALF * self.stretcher if bearing is None else bearing)
         for line in sorted(line for line in lines if 0.0 < line < limit):
             if abs(line - reach) < least:
                 reach = line + SLIVER * self.stretcher
@@ -353,14 +358,14 @@ class _Walls:
         return stones
 
 
-def _overlap(one: Rectangle, other: Rectangle) -> bool:
+def _overlap(first: Rectangle, second: Rectangle) -> bool:
     """Return True if two rectangles have an area in common."""
-    return all(min(one[k + 2], other[k + 2]) > max(one[k], other[k]) for k in (0, 1))
+    return all(min(first[k + 2], second[k + 2]) > max(first[k], second[k]) for k in (0, 1))
 
 
-def _area(whole: Rectangle, span: Interval) -> float:
-    along = axis_of(whole)
-    return (span[1] - span[0]) * (whole[3 - along] - whole[1 - along])
+def _area(wall: Rectangle, span: Interval) -> float:
+    along = axis_of(wall)
+    return (span[1] - span[0]) * (wall[3 - along] - wall[1 - along])
 
 
 def _axes(stone: Rectangle) -> tuple[int, Interval, Interval, Interval]:
@@ -379,13 +384,13 @@ def _hexahedron(along: int, lower: Interval, upper: Interval, sides: Interval, l
     return np.array(corners)
 
 
-def _lintel_stones(whole: Rectangle, jambs: Interval, low: float, high: float, number: int) -> list[Floats]:
+def _lintel_stones(lintel: Rectangle, jambs: Interval, low: float, high: float, stones: int) -> list[Floats]:
     """Return the stones of a lintel: one, or wedges of a flat arch between skewbacks that lean by half the bearing."""
-    along, ends, _, sides = _axes(whole)
-    if number == 1:
+    along, ends, _, sides = _axes(lintel)
+    if stones == 1:
         return [_hexahedron(along, ends, ends, sides, low, high)]
-    soffit = np.linspace(*jambs, number + 1)
-    top = np.linspace(0.5 * (ends[0] + jambs[0]), 0.5 * (ends[1] + jambs[1]), number + 1)
+    soffit = np.linspace(*jambs, stones + 1)
+    top = np.linspace(0.5 * (ends[0] + jambs[0]), 0.5 * (ends[1] + jambs[1]), stones + 1)
     lower, upper = ([ends[0], *line.tolist(), ends[1]] for line in (soffit, top))
     return [
         _hexahedron(along, a, b, sides, low, high)

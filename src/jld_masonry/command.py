@@ -57,14 +57,14 @@ def refine_command(
     if middle is not None and len(middle) != 2:
         raise ParameterError("centre", f"{centre!r} is wrong", "x,y")
     parsed = load_scene(scene)
-    place = None if middle is None else (middle[0], middle[1])
+    centre_point = None if middle is None else (middle[0], middle[1])
     with error_context(scene):
-        found = refine(
+        refined = refine(
             parsed,
             sizes,
             kind=kind,
             by=by,
-            centre=place,
+            centre=centre_point,
             seed=seed,
             bond=bond,
             voussoirs=voussoirs,
@@ -75,10 +75,10 @@ def refine_command(
             lintel=lintel,
             bearing=bearing,
         )
-    cli_options.write_scene(found.scene, out)
-    before, after = len(set(found.parent.values())), len(found.parent)
-    told = [*(f"assumed      {note}" for note in found.notes), f"found        {after} elements out of {before}"]
-    streams.say("\n".join([*told, f"written to   {out}"]))
+    cli_options.write_scene(refined.scene, out)
+    before, after = len(set(refined.parent.values())), len(refined.parent)
+    lines = [*(f"assumed      {note}" for note in refined.notes), f"found        {after} elements out of {before}"]
+    streams.say("\n".join([*lines, f"written to   {out}"]))
 
 
 def _numbers(option: str, text: str) -> tuple[float, ...]:

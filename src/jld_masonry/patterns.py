@@ -38,14 +38,14 @@ def voronoi(region: shapely.Geometry, cell: tuple[float, float], seed: int) -> l
     x0, y0, x1, y1 = region.bounds
     points = np.zeros((0, 2))
     while len(points) < count:
-        drawn = rng.uniform((x0, y0), (x1, y1), (4 * count, 2))
-        points = np.concatenate([points, drawn[shapely.contains_xy(region, drawn[:, 0], drawn[:, 1])]])
+        samples = rng.uniform((x0, y0), (x1, y1), (4 * count, 2))
+        points = np.concatenate([points, samples[shapely.contains_xy(region, samples[:, 0], samples[:, 1])]])
     points = points[:count]
     frame = shapely.box(x0, y0, x1, y1).buffer(max(x1 - x0, y1 - y0))
     cells: list[shapely.Polygon] = []
     for _ in range(_ROUNDS + 1):
-        found = shapely.voronoi_polygons(shapely.MultiPoint(points), extend_to=frame, ordered=True)
-        cells = list(found.geoms)
+        polygons = shapely.voronoi_polygons(shapely.MultiPoint(points), extend_to=frame, ordered=True)
+        cells = list(polygons.geoms)
         middles = [shapely.intersection(polygon, region).centroid for polygon in cells]
         points = np.array([[m.x, m.y] if not m.is_empty else p for m, p in zip(middles, points.tolist(), strict=True)])
     return cells

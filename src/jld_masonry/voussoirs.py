@@ -176,7 +176,7 @@ def voussoir_cells(
     cells: list[shapely.Polygon] = []
     for fan, zone in zip(fans, zones, strict=True):
         inside = [zone.intersection(cell) for cell in fan.cells(_reach(region, fan.centre))]
-        cells += [part for one in inside for part in shapely.get_parts(one) if part.geom_type == "Polygon"]
+        cells += [part for piece in inside for part in shapely.get_parts(piece) if part.geom_type == "Polygon"]
     cells += _courses(region, cells, fans[0], down)
     return VoussoirCells(cells, min(fan.width for fan in fans), min(fan.depth for fan in fans))
 
@@ -210,9 +210,9 @@ def _chains(arcs: list[Arc]) -> list[list[Arc]]:
     chains: list[list[Arc]] = []
     for arc in arcs:
         for chain in chains:
-            ends = [one.point(angle) for one in chain for angle in (one.angles[0], one.angles[-1])]
-            own = [arc.point(angle) for angle in (arc.angles[0], arc.angles[-1])]
-            if min(float(np.hypot(*(a - b))) for a in ends for b in own) <= 1e-4 * arc.radius:
+            ends = [chained.point(angle) for chained in chain for angle in (chained.angles[0], chained.angles[-1])]
+            ends_of_arc = [arc.point(angle) for angle in (arc.angles[0], arc.angles[-1])]
+            if min(float(np.hypot(*(a - b))) for a in ends for b in ends_of_arc) <= 1e-4 * arc.radius:
                 chain.append(arc)
                 break
         else:
@@ -227,9 +227,9 @@ def _distribute(chain: list[Arc], voussoirs: int) -> list[int]:
     if voussoirs < len(chain):
         raise ParameterError("voussoirs", f"{voussoirs} are fewer than the {len(chain)} arcs of one opening", "more")
     length = np.array([arc.sweep * arc.radius for arc in chain])
-    wish = length / length.sum() * (voussoirs - len(chain))
-    counts = np.floor(wish + 1e-9).astype(int)
-    for k in np.argsort(counts - wish, kind="stable")[: voussoirs - len(chain) - int(counts.sum())]:
+    shares = length / length.sum() * (voussoirs - len(chain))
+    counts = np.floor(shares + 1e-9).astype(int)
+    for k in np.argsort(counts - shares, kind="stable")[: voussoirs - len(chain) - int(counts.sum())]:
         counts[k] += 1
     return (counts + 1).tolist()  # type: ignore[no-any-return]
 
@@ -266,9 +266,9 @@ def _of_arc(arc: Arc, arcs: list[Arc], part: shapely.Polygon, voussoirs: int, ri
 def _at_corners(arc: Arc, angles: Floats) -> Floats:
     """Return the distances (s,) from the centre of an arc to its chords, at angles (s,)."""
     after = np.clip(np.searchsorted(arc.angles, angles), 1, len(arc.angles) - 1)
-    left, right = arc.angles[after - 1], arc.angles[after]
-    half = 0.5 * (right - left)
-    return np.asarray(arc.radius * np.cos(half) / np.cos(angles - 0.5 * (left + right)))
+    before, next_angle = arc.angles[after - 1], arc.angles[after]
+    half = 0.5 * (next_angle - before)
+    return np.asarray(arc.radius * np.cos(half) / np.cos(angles - 0.5 * (before + next_angle)))
 
 
 def _extrados(arc: Arc, arcs: list[Arc], directions: Floats) -> Floats | None:
@@ -345,7 +345,7 @@ def _flat(
     stations = a + np.linspace(0.0, 1.0, voussoirs + 1)[:, None] * (b - a)
     reach = np.hypot(*(stations - meeting).T)
     directions = (stations - meeting) / reach[:, None]
-    tops = np.array([_exit(part, meeting, one, float(r)) for one, r in zip(directions, reach, strict=True)])
+    tops = np.array([_exit(part, meeting, direction, float(r)) for direction, r in zip(directions, reach, strict=True)])
     steps = np.arange(1, rings)[:, None] / rings
     distance = reach + steps * (tops - reach)
     depth = float((tops - reach)[voussoirs // 2]) / rings
@@ -391,18 +391,18 @@ def _zones(fans: list[_Fan], down: Floats, far: float) -> list[shapely.Polygon]:
 
 def _courses(region: shapely.Geometry, fans: list[shapely.Polygon], fan: _Fan, down: Floats) -> list[shapely.Polygon]:
     """Cover the part outside all voussoirs by cells in courses; one box if nothing is left."""
-    rest = shapely.difference(region, shapely.union_all(fans))
-    if rest.area <= 1e-9 * region.area:
+    outside = shapely.difference(region, shapely.union_all(fans))
+    if outside.area <= 1e-9 * region.area:
         return [shapely.box(*region.bounds)]  # slivers along springings join their neighbours
     right = np.array([-down[1], down[0]])
     corners = shapely.get_coordinates(region) - fan.first
-    places = np.column_stack([corners @ right, -(corners @ down)])
+    local = np.column_stack([corners @ right, -(corners @ down)])
     size = (fan.depth, fan.width)
-    lower = size * np.floor(places.min(axis=0) / size - 1e-9)
+    lower = size * np.floor(local.min(axis=0) / size - 1e-9)
     inside = []
-    every = shapely.union_all(fans)
-    for cell in arrangement.squares(lower, places.max(axis=0), size):
+    covered = shapely.union_all(fans)
+    for cell in arrangement.squares(lower, local.max(axis=0), size):
         shape = shapely.transform(cell, lambda p: fan.first + p[:, :1] * right - p[:, 1:] * down)
-        free = shapely.difference(shape, every)
+        free = shapely.difference(shape, covered)
         inside += [part for part in shapely.get_parts(free) if part.geom_type == "Polygon" and part.area > 0.0]
     return inside

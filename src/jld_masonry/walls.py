@@ -29,8 +29,8 @@ def bed_joints(shapes: Sequence[Floats], faces: Sequence[Faces], down: Floats, h
     """Return the heights of bed joints, ascending against `down`; ParameterError if too many or too close."""
     # Courses begin at the lowest point. Sills and heads of openings, and steps of a wall, are bed joints; the courses
     # below, between and above them are equally high.
-    own = [-(vertices @ down) for vertices in shapes]
-    low, high = min(float(one.min()) for one in own), max(float(one.max()) for one in own)
+    heights = [-(vertices @ down) for vertices in shapes]
+    low, high = min(float(levels.min()) for levels in heights), max(float(levels.max()) for levels in heights)
     if (high - low) / height > arrangement.MOST:
         raise ParameterError(
             "cell", f"that makes {(high - low) / height:.3g} courses", f"at most {arrangement.MOST} cells"
@@ -40,7 +40,8 @@ def bed_joints(shapes: Sequence[Floats], faces: Sequence[Faces], down: Floats, h
     inner = [
         float(-origin @ down)
         for owner, origin, normal in zip(facets.element, facets.origin, facets.normal, strict=True)
-        if abs(normal @ down) > 1.0 - _FLAT and own[owner].min() + near < -origin @ down < own[owner].max() - near
+        if abs(normal @ down) > 1.0 - _FLAT
+        and heights[owner].min() + near < -origin @ down < heights[owner].max() - near
     ]
     if not inner:
         return np.asarray(low + height * np.arange(np.ceil((high - low) / height - 1e-9) + 1.0))
@@ -65,7 +66,7 @@ def split_walls(
     local = vertices @ axes.T
     origin = local.min(axis=0)
     extent = float(np.ptp(local, axis=0).max())
-    local = np.column_stack([snapped(one, levels_of(one, extent)) for one in (local - origin).T])
+    local = np.column_stack([snapped(axis, levels_of(axis, extent)) for axis in (local - origin).T])
     beds = beds - origin[2]
     top = float(local[:, 2].max())
     slack = _LEAST * float(np.diff(beds).min())
@@ -172,7 +173,7 @@ def prism_of(vertices: Floats, faces: Faces) -> Prism | None:
             continue
         axes = np.stack([*across(axis), axis])
         origin = vertices[int(np.argmin(height))]
-        whole, other = (
+        lower, upper = (
             shapely.union_all(
                 [
                     shapely.Polygon((vertices[list(loop)] - origin) @ axes[:2].T)
@@ -182,9 +183,9 @@ def prism_of(vertices: Floats, faces: Faces) -> Prism | None:
             )
             for level in (low, high)
         )
-        if whole.geom_type != "Polygon" or whole.interiors or other.hausdorff_distance(whole) > 2.0 * _FLAT * size:
+        if lower.geom_type != "Polygon" or lower.interiors or upper.hausdorff_distance(lower) > 2.0 * _FLAT * size:
             continue
-        region = unions.region_of(whole)
+        region = unions.region_of(lower)
         profile = shapely.Polygon(region.shell, region.holes)
         if best is None or len(profile.exterior.coords) > len(best.profile.exterior.coords):
             best = Prism(origin, axes, profile, high - low)
@@ -214,12 +215,12 @@ def split_prism(
     fall = prism.axes[:2] @ down
     if np.hypot(*fall) < 1e-6:
         raise InputError(f"element {name!r}", "the axis of the prism is upright", "a vault or arch whose axis lies")
-    found = voussoir_cells(prism.profile, fall / np.hypot(*fall), voussoirs, rings, None, skew)
+    arch = voussoir_cells(prism.profile, fall / np.hypot(*fall), voussoirs, rings, None, skew)
     outline = shapely.get_coordinates(prism.profile.exterior)[:-1]
-    size = min(found.width, found.depth)
-    parts = arrangement.split_by_cells([name], [outline], [], found.cells, size)[0]
-    parts = arrangement.join_small(parts, min(_LEAST * found.width * found.depth, 0.2 * prism.profile.area))
-    tree = shapely.STRtree(found.cells)
+    size = min(arch.width, arch.depth)
+    parts = arrangement.split_by_cells([name], [outline], [], arch.cells, size)[0]
+    parts = arrangement.join_small(parts, min(_LEAST * arch.width * arch.depth, 0.2 * prism.profile.area))
+    tree = shapely.STRtree(arch.cells)
     pieces = []
     for part in parts:
         number = int(min(tree.query(part.representative_point(), predicate="intersects"), default=0))

@@ -63,6 +63,7 @@ def check_design(
 
 
 def _layout(source: Path, rank: int | None) -> tuple[Scene, Bits | None]:
+    """Return scene and labels of a file, or of a rank in a folder of a search."""
     best = source / "best.json"
     file = best if source.is_dir() and best.exists() else source
     if not file.is_dir():

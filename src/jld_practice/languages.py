@@ -223,6 +223,7 @@ def words_in(language: str, words: Mapping[str, tuple[str, str, str]] = WORDS) -
 
 
 def phrase_in(language: str, text: str) -> str:
+    """Return a text in a language, unchanged without a translation."""
     index = LANGUAGES.index(language)
     if index > 0:
         for pattern, *others in PHRASES:

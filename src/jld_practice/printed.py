@@ -58,7 +58,7 @@ def stones_of(layout: Layout) -> list[Stone]:
     """Return the stones, numbered in the order of `blocks.csv`."""
     stones = []
     members = {block.name: k for k, block in enumerate(layout.blocks)}
-    for number, block in enumerate((one for one in layout.blocks if one.cells), 1):
+    for number, block in enumerate((candidate for candidate in layout.blocks if candidate.cells), 1):
         k = members[block.name]
         if layout.assembly.dimension == 2:
             rings = [ring for region in layout.regions[k] for ring in (region.shell, *region.holes)]
@@ -121,6 +121,7 @@ class Making:
 
 
 def making_of(stones: list[Stone]) -> Making:
+    """Return the totals of cuts, set-ups and material over stones."""
     first = {stone.shape: stone for stone in reversed(stones)}
     return Making(
         len(stones),
@@ -158,9 +159,9 @@ def stones_table(layout: Layout, unit: str) -> pd.DataFrame:
     return pd.DataFrame(rows).map(lambda x: float(f"{x:.12g}") if isinstance(x, float) else x)
 
 
-def factor_to(unit: str, own: str) -> float:
+def factor_to(unit: str, scene_unit: str) -> float:
     """Return the factor from a scene's unit of length to another; 1 if the scene's is unknown."""
-    return units.METRES[own] / units.METRES[unit] if own in units.METRES else 1.0
+    return units.METRES[scene_unit] / units.METRES[unit] if scene_unit in units.METRES else 1.0
 
 
 _PARALLEL: Final = 1e-9  # sine of the angle between forces up to which they are printed as one
@@ -247,17 +248,17 @@ def _load(
 def _carriers(layout: Layout, group: list[dict[str, Any]], words: dict[str, str], stones: Sequence[Stone]) -> str:
     """Name the stones on which forces act by their numbers, other elements by their ids."""
     numbers = {stone.name: stone.number for stone in stones}
-    known, others = set[int](), set[str]()
+    sides, others = set[int](), set[str]()
     for entry in group:
         k = _element(layout, entry)
         block = layout.blocks[int(layout.block_of[k])].name if k >= 0 else ""
         if block in numbers:
-            known.add(numbers[block])
+            sides.add(numbers[block])
         else:
             others.add(str(entry.get("element", "")))
     if others:
         return f"{words['on']} {', '.join(sorted(others))}"
-    return words["on_stone" if len(known) == 1 else "on_stones"].format(numbers=", ".join(map(str, sorted(known))))
+    return words["on_stone" if len(sides) == 1 else "on_stones"].format(numbers=", ".join(map(str, sorted(sides))))
 
 
 def _place(layout: Layout, group: list[dict[str, Any]]) -> list[float] | None:
@@ -414,7 +415,7 @@ def write_printed(content: Printed, path: Path, *, language: str = "en", unit: s
     """Write the report as PDF, completely or not at all; return its number of pages."""
     figures = pages_of(content, language=language, unit=unit)
     facts = {"CreationDate": None, "Title": content.layout.scene.name}
-    with mpl.rc_context({"pdf.fonttype": 42}), files.whole_file(path) as fresh, PdfPages(fresh, metadata=facts) as book:
+    with mpl.rc_context({"pdf.fonttype": 42}), files.whole_file(path) as file, PdfPages(file, metadata=facts) as book:
         for figure in figures:
             with writing.as_written(figure):
                 book.savefig(figure)
@@ -448,7 +449,9 @@ def _overview(book: _Book) -> None:
     ax.set_title("")
     blocks = [block for block in layout.blocks if block.cells]
     size = 7.0 if len(blocks) <= 60 else 4.5
-    writing.write_numbers(ax, layout.assembly, [one.elements for one in blocks], [one.centroid for one in blocks], size)
+    writing.write_numbers(
+        ax, layout.assembly, [entry.elements for entry in blocks], [entry.centroid for entry in blocks], size
+    )
     top = book.text(figure, 0.43, [words["loads"]], 12.0)
     rows = load_rows(layout, content.load_factor, words, book.stones, book.language)
     head = [words["case"], words["load"], words["times"]]
@@ -571,7 +574,7 @@ def _laying_table(book: _Book, figure: Figure, top: float) -> float:
     rows = []
     for number, step in enumerate(laying.steps, 1):
         stones = " + ".join(_numbers(book, laying, step.blocks))
-        direction = _way(book, 0.0 - np.asarray(step.direction))
+        direction = _direction_in_words(book, 0.0 - np.asarray(step.direction))
         props = float(step.stage.props.sum())
         stage_text = words["stands"] if step.stage.stands else words["undecided"] if step.stage.stands is None else ""
         rows.append(
@@ -587,7 +590,7 @@ def _laying_table(book: _Book, figure: Figure, top: float) -> float:
     return top
 
 
-def _way(book: _Book, motion: Floats) -> str:
+def _direction_in_words(book: _Book, motion: Floats) -> str:
     """Say from where a stone comes, or along which vector; motion: (d,) of its movement."""
     words, axes = book.words, np.eye(len(motion))
     named_directions = [(words["from_above"], -axes[-1]), (words["from_below"], axes[-1])]
@@ -605,8 +608,8 @@ def _way(book: _Book, motion: Floats) -> str:
 def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
     layout = book.content.layout
     names = {stone.name: str(stone.number) for stone in book.stones}
-    own = [layout.blocks[int(layout.block_of[laying.blocks.elements(block)[0]])].name for block in blocks]
-    return [names.get(name, name) for name in own]
+    block_names = [layout.blocks[int(layout.block_of[laying.blocks.elements(block)[0]])].name for block in blocks]
+    return [names.get(name, name) for name in block_names]
 
 
 def _assumptions(book: _Book) -> list[str]:
@@ -614,14 +617,16 @@ def _assumptions(book: _Book) -> list[str]:
     words, scene = book.words, book.scene
     materials = uncertain.with_means(scene.model_dump(mode="json", exclude_defaults=True)["materials"])
     dry, inner = materials.get("dry") or {}, materials.get("inner") or {}
-    own, lines = scene.units, []
-    force, metre = units.NEWTONS.get(own.force, 0.0), units.METRES.get(own.length, 1.0)
+    scene_units, lines = scene.units, []
+    force, metre = units.NEWTONS.get(scene_units.force, 0.0), units.METRES.get(scene_units.length, 1.0)
     if dry:
         angle = dry.get("friction_angle")
         value = f"{_plain(angle, words)}°" if angle is not None else _plain(dry.get("friction_coefficient"), words)
         lines.append(words["friction"].format(value=value))
     if inner:
-        factor, unit = (force / metre**2 / 1e6, "N/mm²") if force else (1.0, f"{own.force}/{own.length}²")
+        factor, unit = (
+            (force / metre**2 / 1e6, "N/mm²") if force else (1.0, f"{scene_units.force}/{scene_units.length}²")
+        )
         tension, shear = (
             f"{_plain(inner.get(key), words, factor)} {unit}" for key in ("tensile_strength", "shear_strength")
         )

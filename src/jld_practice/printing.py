@@ -118,11 +118,11 @@ def least_number(volumes: list[float], stock: float) -> int:
     sizes = np.sort(np.array(volumes) / stock)[::-1] if volumes else np.zeros(0)
     bound = math.ceil(float(sizes.sum()) - _FITS)
     for k in (0.0, *(float(size) for size in np.unique(sizes[sizes <= 0.5]))):
-        alone = sizes > 1.0 - k + _FITS
-        large = (sizes > 0.5 + _FITS) & ~alone
+        fills_bin = sizes > 1.0 - k + _FITS
+        large = (sizes > 0.5 + _FITS) & ~fills_bin
         small = (sizes >= k) & (sizes <= 0.5 + _FITS)
         room = float(sizes[small].sum()) - (float(large.sum()) - float(sizes[large].sum()))
-        bound = max(bound, int(alone.sum()) + int(large.sum()) + max(0, math.ceil(room - _FITS)))
+        bound = max(bound, int(fills_bin.sum()) + int(large.sum()) + max(0, math.ceil(room - _FITS)))
     return bound
 
 
@@ -163,11 +163,11 @@ def _rest(
     return boxes
 
 
-def stock_table(stock: Stock, own: str, unit: str) -> pd.DataFrame:
+def stock_table(stock: Stock, scene_unit: str, unit: str) -> pd.DataFrame:
     """Return where each stone lies in its stock cuboid: one row per stone."""
     import pandas as pd  # slow to import and needed for tables only
 
-    factor = factor_to(unit, own)
+    factor = factor_to(unit, scene_unit)
     rows = [
         {"cuboid": placement.cuboid, "stone": placement.stone}
         | {f"at_{k}_{unit}": factor * value for k, value in enumerate(placement.corner, 1)}
@@ -233,16 +233,16 @@ def report(
     core_files.require_writable(target)
     if pdf:
         content = content_of(source, rank)
-        placed = _place_stones(content.layout, sides, kerf, unit)
+        placements = _place_stones(content.layout, sides, kerf, unit)
         count = write_printed(content, target, language=language, unit=unit)
         streams.say(f"{target}: {count} page{'s' * (count != 1)}")
         table = target.with_suffix(".stones.csv")
         core_files.write_text(table, csv_of(stones_table(content.layout, unit)))
         streams.say(f"{table}: the cutting list")
-        if placed is not None:
+        if placements is not None:
             stock_file = target.with_suffix(".stock.csv")
-            core_files.write_text(stock_file, csv_of(stock_table(placed, content.layout.scene.units.length, unit)))
-            streams.say(f"{stock_file}: {words_of_stock(placed)}")
+            core_files.write_text(stock_file, csv_of(stock_table(placements, content.layout.scene.units.length, unit)))
+            streams.say(f"{stock_file}: {words_of_stock(placements)}")
     if pack:
         archive = target.with_suffix(".zip")
         streams.say(f"{archive}: {_pack(source, archive, target if pdf else None)} files")

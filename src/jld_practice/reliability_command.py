@@ -63,8 +63,8 @@ def reliability(
         raise typer.Exit(ending.UNCERTIFIED)
 
 
-def _lines(name: str, found: Reliability, compared: Comparison | None, against: int | None) -> list[str]:
-    form, simulation = found.form, found.simulation
+def _lines(name: str, result: Reliability, compared: Comparison | None, against: int | None) -> list[str]:
+    form, simulation, seed = result.form, result.simulation, result.options.seed
     first = f"β = {form.beta:.4f}, probability {form.probability:.3g}" if form.found else f"none: {form.problem}"
     first += ", at a kink of λ" if form.found and form.kink else ""
     index = "none" if simulation.beta is None else f"{simulation.beta:.4f}"
@@ -72,13 +72,13 @@ def _lines(name: str, found: Reliability, compared: Comparison | None, against: 
     how = "importance sampling" if simulation.importance else "plain sampling"
     within = f"{CONFIDENCE:.0%} between {low} and {high}"
     lines = [
-        f"{name}: fails below λ = {found.options.required:g}; {len(found.variables)} random values",
+        f"{name}: fails below λ = {result.options.required:g}; {len(result.variables)} random values",
         f"  first order   {first}",
         f"  simulation    β = {index} ({within}), probability {simulation.probability:.3g}",
-        f"                {simulation.failures} of {simulation.samples} samples fail, {how}, seed {found.options.seed}",
+        f"                {simulation.failures} of {simulation.samples} samples fail, {how}, seed {seed}",
     ]
     if simulation.importance:
-        several = "one design point" if len(found.points) == 1 else f"{len(found.points)} design points"
+        several = "one design point" if len(result.points) == 1 else f"{len(result.points)} design points"
         lines.append(f"                around {several}; the interval counts {simulation.unseen:.1e} away from them")
     if simulation.resolved:
         lines.append(f"                {simulation.resolved} left open by the batch solver and solved again")
@@ -88,7 +88,7 @@ def _lines(name: str, found: Reliability, compared: Comparison | None, against: 
         ends = f"{CONFIDENCE:.0%} between {compared.interval[0]:.4g} and {compared.interval[1]:.4g}"
         lines.append(f"  against row {against}  carries more in {compared.probability:.2%} of samples ({ends})")
         lines.append(f"                less in {compared.weaker}, undecided or alike in {compared.undecided}")
-    return lines + _table(found)
+    return lines + _table(result)
 
 
 def _table(result: Reliability) -> list[str]:

@@ -45,13 +45,13 @@ def commands() -> typer.Typer:
 def _command(kind: str, make: Callable[..., Scene]) -> Callable[..., None]:
     """Return a command whose options, with help texts, are the parameters of a sample."""
     hints = get_type_hints(make)
-    said = dict(re.findall(r"^(\w+): (.+)$", inspect.getdoc(make) or "", flags=re.M))
+    help_texts = dict(re.findall(r"^(\w+): (.+)$", inspect.getdoc(make) or "", flags=re.M))
     parameters: list[inspect.Parameter] = []
     types: dict[str, Any] = {}
     for name, parameter in inspect.signature(make).parameters.items():
         if name == "stone":
             continue
-        words = said[name][0].upper() + said[name][1:]
+        words = help_texts[name][0].upper() + help_texts[name][1:]
         types[name] = Annotated[hints[name], typer.Option(help=words)]
         parameters.append(parameter.replace(annotation=types[name], kind=inspect.Parameter.KEYWORD_ONLY))
     for name, words in _STONE.items():
@@ -67,11 +67,11 @@ def _command(kind: str, make: Callable[..., Scene]) -> Callable[..., None]:
     types["out"] = options.Out
     parameters.append(inspect.Parameter("out", inspect.Parameter.KEYWORD_ONLY, annotation=options.Out))
 
-    def run(**given: Any) -> None:
-        out = given.pop("out")
-        stone = Stone(**{name: given.pop(name) for name in _STONE})
-        most = given.pop("most")
-        scene = make(**given, stone=stone)
+    def run(**values: Any) -> None:
+        out = values.pop("out")
+        stone = Stone(**{name: values.pop(name) for name in _STONE})
+        most = values.pop("most")
+        scene = make(**values, stone=stone)
         if most:
             scene = scene.model_copy(update={"search": Search(block_cells=[1, most])})
         options.write_scene(scene, out)

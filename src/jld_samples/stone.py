@@ -102,12 +102,12 @@ def _live(elements: list[dict[str, Any]], load: str, spatial: bool) -> list[dict
     high = np.max([shapes[k].max(axis=0) for k in free], axis=0)
     middle = 0.5 * (low + high)
     x = middle[0] if load == "crown" else low[0] + 0.25 * (high[0] - low[0])
-    place = np.array([x, *middle[1:]])
+    point = np.array([x, *middle[1:]])
 
     # planar: the highest element at x; spatial: the element nearest to the place in plan, then the highest
     def worth(k: int) -> tuple[float, float]:
         """Return the distance of an element from the place in plan, and its negative height."""
-        aside = np.abs(shapes[k].mean(axis=0) - place)[:-1].max()
+        aside = np.abs(shapes[k].mean(axis=0) - point)[:-1].max()
         return round(float(aside), 9), -float(shapes[k][:, -1].max())
 
     within = [k for k in free if shapes[k][:, 0].min() <= x + 1e-9 and shapes[k][:, 0].max() >= x - 1e-9]

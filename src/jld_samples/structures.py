@@ -420,7 +420,7 @@ def _barrel(
     fine = 2 if running else 1
     angles = np.linspace(np.pi - first, first, fine * voussoirs + 1)
     spread = float(angles[0] - angles[fine])
-    places = np.linspace(0.0, length, courses + 1)
+    joints = np.linspace(0.0, length, courses + 1)
 
     def cell(name: str, at: np.ndarray[Any, Any], y0: float, y1: float, **keys: Any) -> dict[str, Any]:
         corners = ((inner, y0), (outer, y0), (outer, y1), (inner, y1))
@@ -428,7 +428,7 @@ def _barrel(
         return swept(name, sections, **keys)
 
     elements = []
-    for course, (y0, y1) in enumerate(zip(places[:-1].tolist(), places[1:].tolist(), strict=True)):
+    for course, (y0, y1) in enumerate(zip(joints[:-1].tolist(), joints[1:].tolist(), strict=True)):
         parts = steps(voussoirs, course % 2 == 1) if running else [(k, k + 1) for k in range(voussoirs)]
         elements += [cell(f"v{k}c{course}", angles[list(part)], y0, y1) for k, part in enumerate(parts)]
     for name, a, b in (("left", angles[0] + spread, angles[0]), ("right", angles[-1], angles[-1] - spread)):
@@ -444,21 +444,21 @@ def _cross(inner: float, outer: float, reach: float, half: int, courses: int, fi
     spread = float(angles[1] - angles[0])
     shares = np.linspace(0.0, 1.0, courses + 1)
     elements = []
-    # along: axis of the barrel; side: half of the web; way: direction of its end
+    # along: axis of the barrel; side: half of the web; sign: direction of its end
     for along in (0, 1):
-        for way in (1, -1):
+        for sign in (1, -1):
             for side in (1, -1):
 
                 def point(
-                    angle: float, radius: float, share: float, along: int = along, way: int = way, side: int = side
+                    angle: float, radius: float, share: float, along: int = along, sign: int = sign, side: int = side
                 ) -> list[float]:
                     across = radius * np.cos(angle)
                     # at the groin both barrels have the same distance from the middle
                     run = share * end + (1.0 - share) * across
-                    place = [way * run, side * across] if along == 0 else [side * across, way * run]
-                    return [float(place[0]), float(place[1]), float(radius * np.sin(angle))]
+                    xy = [sign * run, side * across] if along == 0 else [side * across, sign * run]
+                    return [float(xy[0]), float(xy[1]), float(radius * np.sin(angle))]
 
-                mark = f"{'xy'[along]}{'+' if way > 0 else '-'}{'+' if side > 0 else '-'}"
+                mark = f"{'xy'[along]}{'+' if sign > 0 else '-'}{'+' if side > 0 else '-'}"
                 rows = [(angles[0] - spread, angles[0]), *zip(angles[:-1].tolist(), angles[1:].tolist(), strict=True)]
                 for row, (low, high) in enumerate(rows):
                     for course, (s, t) in enumerate(zip(shares[:-1].tolist(), shares[1:].tolist(), strict=True)):
@@ -683,21 +683,19 @@ def room(
 def _opening_of_text(
     name: str, text: str, form: str, start: float, length: float, height: float, courses: int
 ) -> tuple[float, float, int, int]:
-    """Return both jambs of an opening along its wall, its first course, and that of its lintel.
-
-    text: position, sill, width and height, as in `form`.
-    """
+    """Return both jambs of an opening along its wall, its first course, and that of its lintel."""
+    # text: position, sill, width and height, as in `form`.
     try:
         numbers = [float(part) for part in text.split(",")]
-        place, *sill, wide, tall = numbers
+        position, *sill, wide, tall = numbers
     except ValueError:
         numbers = []
     if len(numbers) != form.count(",") + 1:
         raise ParameterError(name, f"{text!r} is no opening", f"{form}, or none")
     first = round(sill[0] / height) if sill else 0
     last = round(((sill[0] if sill else 0.0) + tall) / height)
-    fits = place > start and wide > 0.0 and place + wide < start + length and 0 <= first < last < courses
+    fits = position > start and wide > 0.0 and position + wide < start + length and 0 <= first < last < courses
     if not fits or (sill and first == 0):
         expected = "an opening between the corners with a course above it" + (" and below it" if sill else "")
         raise ParameterError(name, f"{text!r} does not fit", expected)
-    return place, place + wide, first, last
+    return position, position + wide, first, last

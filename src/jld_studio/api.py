@@ -39,101 +39,101 @@ class Api:
 
     def __init__(
         self,
-        desk: StudioSession,
+        session: StudioSession,
         jobs: Jobs,
         root: Path,
         first: Callable[[], page_contract.PageData],
         drawing: dict[str, Any] | None = None,
     ) -> None:
         self.jobs, self.root, self._first, self._drawing = jobs, root, first, drawing
-        self.scenes = SceneStore(desk, root)
-        self._newest: OrderedDict[str, int] = OrderedDict()
-        self._counting, self._turn = threading.Lock(), threading.Lock()
+        self.scenes = SceneStore(session, root)
+        self._newest: OrderedDict[str, int] = OrderedDict()  # newest revision that each page asked for
+        self._newest_lock, self._solve_lock = threading.Lock(), threading.Lock()
 
     def data(self, _: dict[str, Any]) -> dict[str, Any]:
         """Return the data with which the page starts, with the candidates kept earlier."""
-        kept = self.root / CANDIDATES
+        path = self.root / CANDIDATES
         try:
-            candidates = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else []
+            candidates = json.loads(path.read_text(encoding="utf-8")) if path.exists() else []
         except ValueError as error:
-            raise InputError(str(kept), f"it is damaged ({error})", "a file as the studio left it, or none") from None
-        found = self._first()
-        own = {"candidates": candidates, "scene": self.scenes.first_name, "file": plain_name(found["title"])}
-        return {**found, "studio": {**(found["studio"] or {}), **own, "drawing": self._drawing}}
+            raise InputError(str(path), f"it is damaged ({error})", "a file as the studio left it, or none") from None
+        page = self._first()
+        extra = {"candidates": candidates, "scene": self.scenes.first_name, "file": plain_name(page["title"])}
+        return {**page, "studio": {**(page["studio"] or {}), **extra, "drawing": self._drawing}}
 
-    def _desk(self, asked: dict[str, Any]) -> StudioSession:
+    def _session(self, request: dict[str, Any]) -> StudioSession:
         """Return the solver of the scene of a request; raise InputError for an unknown scene."""
-        return self.scenes.find(asked.get("scene"))
+        return self.scenes.find(request.get("scene"))
 
     def _opened(self, name: str) -> dict[str, Any]:
         """Return the data with which the page shows a scene of the store."""
-        found = scene_data(self.scenes.find(name), self.root)
-        own = {"scene": name, "file": plain_name(found["title"])}
-        return {"scene": name, "data": {**found, "studio": {**(found["studio"] or {}), **own}}}
+        page = scene_data(self.scenes.find(name), self.root)
+        extra = {"scene": name, "file": plain_name(page["title"])}
+        return {"scene": name, "data": {**page, "studio": {**(page["studio"] or {}), **extra}}}
 
-    def open(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def open(self, request: dict[str, Any]) -> dict[str, Any]:
         """Open a file: a scene, a drawing or a file of solids."""
-        options = options_of(asked.get("options", {}))
-        with received(asked.get("name"), asked.get("content")) as path:
-            found = read_file(path, options)
-        opened = self._opened(self.scenes.add(found.scene))
-        return {**opened, "report": [list(line) for line in found.report], "unit": found.unit}
+        options = options_of(request.get("options", {}))
+        with received(request.get("name"), request.get("content")) as path:
+            file = read_file(path, options)
+        opened = self._opened(self.scenes.add(file.scene))
+        return {**opened, "report": [list(line) for line in file.report], "unit": file.unit}
 
-    def read(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def read(self, request: dict[str, Any]) -> dict[str, Any]:
         """Return what an import understands of a file (`understood`), or {"scene": True} for a scene file."""
-        options, settings = options_of(asked.get("options", {})), _settings(asked)
-        with received(asked.get("name"), asked.get("content")) as path:
+        options, settings = options_of(request.get("options", {})), _settings(request)
+        with received(request.get("name"), request.get("content")) as path:
             return {"scene": True} if stated_scene(path) else understood(path, options, settings)
 
-    def design(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Start `jld design` with a file as its outline, and return the facts of this search (`Job.told`)."""
-        options, settings = options_of(asked.get("options", {})), _settings(asked)
-        with received(asked.get("name"), asked.get("content")) as path:
+    def design(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Start `jld design` with a file as its outline, and return the facts of this search (`Job.facts`)."""
+        options, settings = options_of(request.get("options", {})), _settings(request)
+        with received(request.get("name"), request.get("content")) as path:
             command = design_command(path.name, "results", options, settings)
-            return self.jobs.design(path, command, settings.get("seconds", 300.0)).told()
+            return self.jobs.design(path, command, settings.get("seconds", 300.0)).facts()
 
-    def show(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def show(self, request: dict[str, Any]) -> dict[str, Any]:
         """Return "scene" and "data" of a scene opened before; "scene" is its name."""
-        return self._opened(str(asked.get("scene")))
+        return self._opened(str(request.get("scene")))
 
-    def support(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def support(self, request: dict[str, Any]) -> dict[str, Any]:
         """Make an element a support, or free, in a new scene with labels and changes of the page."""
-        document = self._desk(asked).scene_with(asked.get("labelling"), _changes(asked))
-        changed = with_support(document, asked.get("element"), asked.get("support"))
+        document = self._session(request).scene_with(request.get("labelling"), _changes(request))
+        changed = with_support(document, request.get("element"), request.get("support"))
         return self._opened(self.scenes.add(parsed(changed)))
 
-    def edit(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def edit(self, request: dict[str, Any]) -> dict[str, Any]:
         """Check a changed part of the scene before the page takes it."""
-        return {"value": self._desk(asked).edited(_changes(asked), asked.get("part"))}
+        return {"value": self._session(request).edited(_changes(request), request.get("part"))}
 
-    def drawing(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def drawing(self, request: dict[str, Any]) -> dict[str, Any]:
         """Return the page data without solutions, in which layouts of the search "name" are drawn."""
-        job = self.jobs.find(str(asked.get("name")))
+        job = self.jobs.find(str(request.get("name")))
         return {**drawing_data(load_scene(job.scene_file))}
 
-    def solve(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def solve(self, request: dict[str, Any]) -> dict[str, Any]:
         """Solve a state of the page and return its solution, or "superseded" if there is a newer "revision"."""
-        page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
-        desk = self._desk(asked)
+        page, revision = str(request.get("page", "")), _revision(request.get("revision"))
+        session = self._session(request)
         self._note(page, revision)
-        with self._turn:
+        with self._solve_lock:
             if self._note(page, revision) > revision:
                 return {"revision": revision, "superseded": True}
-            return {"revision": revision, **desk.solve(asked.get("labelling"), _changes(asked))}
+            return {"revision": revision, **session.solve(request.get("labelling"), _changes(request))}
 
-    def fields(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def fields(self, request: dict[str, Any]) -> dict[str, Any]:
         """Solve one more mesh of the bounds by fields for a state of the page, and return them."""
-        page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
+        page, revision = str(request.get("page", "")), _revision(request.get("revision"))
         if self._note(page, revision) > revision:
             return {"revision": revision, "superseded": True}
-        return {"revision": revision, **self._desk(asked).fields(asked.get("labelling"), _changes(asked))}
+        return {"revision": revision, **self._session(request).fields(request.get("labelling"), _changes(request))}
 
-    def improve(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def improve(self, request: dict[str, Any]) -> dict[str, Any]:
         """Move joints by some steps from a state of the page."""
-        return self._desk(asked).improve(asked.get("labelling"), _changes(asked))
+        return self._session(request).improve(request.get("labelling"), _changes(request))
 
     def _note(self, page: str, revision: int) -> int:
-        with self._counting:
+        with self._newest_lock:
             newest = self._newest[page] = max(revision, self._newest.get(page, revision))
             self._newest.move_to_end(page)
             while len(self._newest) > PAGES:
@@ -141,35 +141,35 @@ class Api:
             return newest
 
     def list_jobs(self, _: dict[str, Any]) -> dict[str, Any]:
-        """Return {"jobs": facts of all searches}, each as `Job.told` returns them."""
-        return {"jobs": [job.told() for job in self.jobs.listed()]}
+        """Return {"jobs": facts of all searches}, each as `Job.facts` returns them."""
+        return {"jobs": [job.facts() for job in self.jobs.listed()]}
 
-    def start_job(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Start a search from a state of the page, and return its facts (`Job.told`)."""
-        kind, seconds = asked.get("kind"), asked.get("seconds", 3600.0)
+    def start_job(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Start a search from a state of the page, and return its facts (`Job.facts`)."""
+        kind, seconds = request.get("kind"), request.get("seconds", 3600.0)
         if kind not in ("improve", "prove", "explore"):
             raise InputError("kind", f"there is no {str(kind)[:40]!r}", "improve, prove or explore")
         if not isinstance(seconds, int | float) or not SECONDS[0] <= seconds <= SECONDS[1]:
             raise InputError("seconds", f"it is {str(seconds)[:40]}", f"a number from {SECONDS[0]:g} to {SECONDS[1]:g}")
-        desk, letters, changes = self._desk(asked), asked.get("labelling"), _changes(asked)
-        setup = desk.setup(changes)
-        desk.labels(letters)
+        session, letters, changes = self._session(request), request.get("labelling"), _changes(request)
+        setup = session.setup(changes)
+        session.labels(letters)
         document = setup.scene.model_dump(mode="json", exclude_defaults=True)
-        shown = {"scene": asked.get("scene") or self.scenes.first_name, "changes": changes}
-        self.scenes.write(shown["scene"])
-        return self.jobs.start(kind, document, orders_for(kind, str(letters), float(seconds)), shown).told()
+        page_state = {"scene": request.get("scene") or self.scenes.first_name, "changes": changes}
+        self.scenes.write(page_state["scene"])
+        return self.jobs.start(kind, document, orders_for(kind, str(letters), float(seconds)), page_state).facts()
 
-    def stop_job(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Ask the search of a "name" to stop, and return its facts (`Job.told`)."""
-        return self.jobs.stop(str(asked.get("name"))).told()
+    def stop_job(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Ask the search of a "name" to stop, and return its facts (`Job.facts`)."""
+        return self.jobs.stop(str(request.get("name"))).facts()
 
-    def resume_job(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Resume the search of a "name", and return its facts (`Job.told`)."""
-        return self.jobs.resume(str(asked.get("name"))).told()
+    def resume_job(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Resume the search of a "name", and return its facts (`Job.facts`)."""
+        return self.jobs.resume(str(request.get("name"))).facts()
 
-    def results(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def results(self, request: dict[str, Any]) -> dict[str, Any]:
         """Return the page's data for the results of the search of a "name", with "scene" and "changes" in "studio"."""
-        job = self.jobs.find(str(asked.get("name")))
+        job = self.jobs.find(str(request.get("name")))
         if job.kind == "design":
             return self._opened(self.scenes.add(load_scene(job.scene_file)))
         return {**page_of_study.study_data(read_folder(job.results), patience=0.3, studio=self._shown(job))}
@@ -181,37 +181,37 @@ class Api:
             return job.shown
         return {"scene": self.scenes.add(load_scene(job.scene_file)), "changes": {}}
 
-    def report(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def report(self, request: dict[str, Any]) -> dict[str, Any]:
         """Return the report of the search of a "name": {"name": file name, "text": HTML}."""
-        job = self.jobs.find(str(asked.get("name")))
+        job = self.jobs.find(str(request.get("name")))
         if job.kind == "design":
-            return {"name": f"{job.name}.html", "text": _whole_page(job.results)}
+            return {"name": f"{job.name}.html", "text": _page_with_picture(job.results)}
         return {"name": f"{job.name}.html", "text": page_of_study.study_page(read_folder(job.results))}
 
-    def keep(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def keep(self, request: dict[str, Any]) -> dict[str, Any]:
         """Write the candidates of the page to `candidates.json`, and their scenes."""
         # The file in `root` is replaced.
-        kept = asked.get("candidates")
-        if not isinstance(kept, list) or len(kept) > 500:
+        candidates = request.get("candidates")
+        if not isinstance(candidates, list) or len(candidates) > 500:
             raise InputError("candidates", "it is no list of up to 500", "a list")
-        for one in kept:
-            if isinstance(one, dict):
-                self.scenes.write(one.get("scene"))
+        for candidate in candidates:
+            if isinstance(candidate, dict):
+                self.scenes.write(candidate.get("scene"))
         self.root.mkdir(parents=True, exist_ok=True)
-        files.write_text(self.root / CANDIDATES, json.dumps(kept))
-        return {"kept": len(kept)}
+        files.write_text(self.root / CANDIDATES, json.dumps(candidates))
+        return {"kept": len(candidates)}
 
-    def scene(self, asked: dict[str, Any]) -> dict[str, Any]:
-        return self._desk(asked).scene_with(asked.get("labelling"), _changes(asked))
+    def scene(self, request: dict[str, Any]) -> dict[str, Any]:
+        return self._session(request).scene_with(request.get("labelling"), _changes(request))
 
-    def export(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def export(self, request: dict[str, Any]) -> dict[str, Any]:
         """Return a state as a file of another program: {"name", "content": base64}."""
-        kind = asked.get("format")
+        kind = request.get("format")
         if not isinstance(kind, str) or kind not in FORMATS:
             raise InputError("format", f"there is no {str(kind)[:40]!r}", "one of " + ", ".join(FORMATS))
-        desk = self._desk(asked)
-        setup, labels = desk.setup(_changes(asked)), desk.labels(asked.get("labelling"))
-        stem = plain_name(setup.scene.name) if asked.get("name") is None else _checked_name(asked.get("name"))
+        session = self._session(request)
+        setup, labels = session.setup(_changes(request)), session.labels(request.get("labelling"))
+        stem = plain_name(setup.scene.name) if request.get("name") is None else _checked_name(request.get("name"))
         result = setup.solver.solve(labels) if exchange_formats.formats()[kind].analysed else None
         name = f"{stem}{FORMATS[kind]}"
         with tempfile.TemporaryDirectory() as folder:
@@ -219,15 +219,15 @@ class Api:
             content = base64.b64encode(path.read_bytes()).decode("ascii")
         return {"name": name, "content": content}
 
-    def save(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def save(self, request: dict[str, Any]) -> dict[str, Any]:
         """Write the scene of a state into `root`: {"path", "exists": True if an existing file was left alone}."""
-        name = _checked_name(asked.get("name"))
+        name = _checked_name(request.get("name"))
         name = name if name.endswith(".json") else f"{name}.json"
         if name == CANDIDATES:
             raise InputError("name", f"{CANDIDATES} is taken", "another name")
         path = self.root / name
-        scene = self.scene(asked)
-        if path.exists() and asked.get("overwrite") is not True:
+        scene = self.scene(request)
+        if path.exists() and request.get("overwrite") is not True:
             return {"path": str(path), "exists": True}
         self.root.mkdir(parents=True, exist_ok=True)
         files.write_text(path, json.dumps(scene, indent=1))
@@ -241,20 +241,20 @@ def plain_name(title: str) -> str:
     return words[:60].rstrip("_-") or "scene"
 
 
-def _whole_page(folder: Path) -> str:
+def _page_with_picture(folder: Path) -> str:
     """Return the page of a design with its picture inside; raise InputError where there is none yet."""
     if not (folder / "report.html").exists():
         raise InputError("design", "it has no page yet", "a design that has found a layout")
     page, picture = (folder / "report.html").read_text(encoding="utf-8"), folder / "best.png"
     if not picture.exists():
         return page
-    inside = base64.b64encode(picture.read_bytes()).decode("ascii")
-    return page.replace('src="best.png"', f'src="data:image/png;base64,{inside}"')
+    encoded = base64.b64encode(picture.read_bytes()).decode("ascii")
+    return page.replace('src="best.png"', f'src="data:image/png;base64,{encoded}"')
 
 
-def _settings(asked: dict[str, Any]) -> dict[str, Any]:
+def _settings(request: dict[str, Any]) -> dict[str, Any]:
     """Return the settings of a design that a request states; raise InputError if they are no object."""
-    settings = asked.get("settings", {})
+    settings = request.get("settings", {})
     if not isinstance(settings, dict):
         raise InputError("settings", "they are no JSON object", "an object")
     return {key: value for key, value in settings.items() if value not in (None, "")}
@@ -267,16 +267,16 @@ def _checked_name(name: object) -> str:
     return name
 
 
-def _whole(value: object) -> int:
+def _revision(value: object) -> int:
     """Return a revision number; raise InputError if it is not an integer from 0."""
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
         raise InputError("revision", f"it is {str(value)[:40]!r}", "a whole number from 0")
     return value
 
 
-def _changes(asked: dict[str, Any]) -> dict[str, Any]:
+def _changes(request: dict[str, Any]) -> dict[str, Any]:
     """Return the changes of a request; raise InputError if they are not an object."""
-    changes = asked.get("changes", {})
+    changes = request.get("changes", {})
     if not isinstance(changes, dict):
         raise InputError("changes", "they are no JSON object", "an object")
     return changes

@@ -80,16 +80,16 @@ class Job:
             return None
         return max(0.0, limit - since - (time.time() - float(self.progress["at"])))
 
-    def told(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
         """Return the facts that a page shows about the search, as JSON data."""
         # The facts are name, kind, state, progress with the best layout so far, seconds_left, shown, error, and main
         # entries of summary.json, which are None until the search ends.
         summary = self.results / "summary.json"
-        found: dict[str, Any] = {}
+        entries: dict[str, Any] = {}
         problem = self.error
         if self.state not in ("running", "stopping") and summary.exists():
             try:
-                found = _read_object(summary)
+                entries = _read_object(summary)
             except InputError as error:
                 problem = problem or str(error)  # one damaged folder must not hide the other searches
         return {
@@ -100,7 +100,7 @@ class Job:
             "seconds_left": self.seconds_left,
             "shown": self.shown,
             "error": problem,
-            "summary": {key: found.get(key) for key in _SUMMARY},
+            "summary": {key: entries.get(key) for key in _SUMMARY},
         }
 
 
@@ -109,20 +109,20 @@ class Jobs:
 
     def __init__(self, root: Path, study: Path | None = None) -> None:
         self.root = root
-        self._turn = threading.RLock()
+        self._lock = threading.RLock()
         self.all: dict[str, Job] = {}
         if study is not None:
             self.all["study"] = Job("study", "study", study, _orders_of(study), state="done")
-        for place in sorted(root.glob("*/" + ORDERS)):
-            told = _read_object(place)
-            kind = next((kind for kind in _KINDS if kind == told.get("kind")), None)
-            orders = told.get("orders")
+        for path in sorted(root.glob("*/" + ORDERS)):
+            record = _read_object(path)
+            kind = next((kind for kind in _KINDS if kind == record.get("kind")), None)
+            orders = record.get("orders")
             if kind is None or not isinstance(orders, dict):
-                raise InputError(str(place), "it is damaged (no kind or no settings)", _UNDAMAGED)
-            state: State = "done" if told.get("done") else "stopped"
-            shown = told.get("shown")
+                raise InputError(str(path), "it is damaged (no kind or no settings)", _UNDAMAGED)
+            state: State = "done" if record.get("done") else "stopped"
+            shown = record.get("shown")
             shown = shown if isinstance(shown, dict) else {}
-            self.all[place.parent.name] = Job(place.parent.name, kind, place.parent, orders, state, shown=shown)
+            self.all[path.parent.name] = Job(path.parent.name, kind, path.parent, orders, state, shown=shown)
 
     def start(
         self, kind: Kind, scene: Mapping[str, Any], orders: Mapping[str, Any], shown: Mapping[str, Any] | None = None
@@ -143,8 +143,8 @@ class Jobs:
 
     def _begin(self, kind: Kind, orders: Mapping[str, Any], fill: Callable[[Path], object], shown: Any) -> Job:
         """Start a search in a new folder, which is filled before."""
-        with self._turn:
-            self._room()
+        with self._lock:
+            self._require_room()
             number = 1
             while (self.root / f"{kind}-{number}").exists():
                 number += 1
@@ -163,19 +163,19 @@ class Jobs:
 
     def resume(self, name: str) -> Job:
         """Start the process of a stopped search again, and return the search."""
-        with self._turn:
+        with self._lock:
             job = self.find(name)
             if job.state in ("running", "stopping"):
                 raise InputError(name, "it is running", "a search that was stopped")
             if job.kind == "design":
                 raise InputError(name, "a design does not go on where it was stopped", "a new one")
-            self._room()
+            self._require_room()
             self._launch(job)
             return job
 
     def stop(self, name: str) -> Job:
         """Ask a search to stop, and return it at once; its finished evaluations stay on disk."""
-        with self._turn:
+        with self._lock:
             job = self.find(name)
             if job.process is not None and job.state == "running":
                 job.state = "stopping"
@@ -184,11 +184,11 @@ class Jobs:
 
     def listed(self) -> list[Job]:
         """Return all searches in the order in which they were begun."""
-        with self._turn:
+        with self._lock:
             return list(self.all.values())
 
     def find(self, name: str) -> Job:
-        with self._turn:
+        with self._lock:
             if name not in self.all:
                 raise InputError("job", f"there is none named {name[:60]!r}", "one of the list")
             return self.all[name]
@@ -209,7 +209,7 @@ class Jobs:
                 # Its end closes the pipe; a process that the search began may keep the other end open for a while.
                 job.listener.join(timeout=10.0)
 
-    def _room(self) -> None:
+    def _require_room(self) -> None:
         """Raise InputError if no further search may run."""
         if sum(job.state in ("running", "stopping") for job in self.all.values()) >= MOST:
             raise InputError("job", f"{MOST} searches are running", "one of them stopped first")
@@ -217,9 +217,9 @@ class Jobs:
     def _launch(self, job: Job) -> None:
         """Start the process of a search and a thread that reads its output."""
         resume = job.results.exists() and any(job.results.iterdir())
-        told = {"kind": job.kind, "orders": job.orders, "shown": job.shown, "done": False}
+        record = {"kind": job.kind, "orders": job.orders, "shown": job.shown, "done": False}
         if job.kind != "study":
-            files.write_text(job.folder / ORDERS, json.dumps(told))
+            files.write_text(job.folder / ORDERS, json.dumps(record))
         if job.kind == "design":
             _, name, outline, _, _, *options = job.orders["command"]
             command = ["jld_explore", name, str(job.folder / "outline" / outline), "-o", str(job.results), *options]
@@ -227,48 +227,48 @@ class Jobs:
             orders = json.dumps({**job.orders, "resume": resume})
             command = ["jld_studio.jobs", str(job.scene_file), str(job.results), orders]
         # Use a file for stderr: a pipe that is not read fills up and blocks the worker.
-        words = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115 – the listener closes it
+        errors = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115 – the listener closes it
         try:
             job.process = subprocess.Popen(
                 [sys.executable, "-m", *command],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
-                stderr=words,
+                stderr=errors,
                 encoding="utf-8",
                 errors="replace",
             )
         except OSError:
-            words.close()
+            errors.close()
             raise
         # Only a job with a process is running; a job that could not start would otherwise occupy a place for ever.
         job.state, job.error = "running", ""
-        job.listener = threading.Thread(target=self._listen, args=(job, job.process, words, told), daemon=True)
+        job.listener = threading.Thread(target=self._listen, args=(job, job.process, errors, record), daemon=True)
         job.listener.start()
 
-    def _listen(self, job: Job, process: subprocess.Popen[str], words: IO[str], told: dict[str, Any]) -> None:
+    def _listen(self, job: Job, process: subprocess.Popen[str], errors: IO[str], record: dict[str, Any]) -> None:
         """Read the progress of a process until it ends, then record its state in the job."""
         if process.stdout is None:
             raise RuntimeError("a search was started without a pipe for its progress")
         begun, design = time.time(), job.kind == "design"
-        with process.stdout, words:
+        with process.stdout, errors:
             if design:
                 job.progress = {"line": "", "seconds": 0.0, "at": begun}
             for line in process.stdout:
-                told_now = {"line": line.strip(), "seconds": time.time() - begun} if design else _progress_of(line)
-                if told_now is not None:
-                    job.progress = {**told_now, "at": time.time()}
+                progress = {"line": line.strip(), "seconds": time.time() - begun} if design else _progress_of(line)
+                if progress is not None:
+                    job.progress = {**progress, "at": time.time()}
             code = process.wait()
-            words.seek(0)
-            last = deque((line.strip() for line in words if line.strip()), maxlen=1)
-        with self._turn:
+            errors.seek(0)
+            last_line = deque((line.strip() for line in errors if line.strip()), maxlen=1)
+        with self._lock:
             stopped = code == 3 or (design and job.state == "stopping")
-            job.error = last[0].removeprefix("jld: ")[:300] if code and not stopped and last else ""
+            job.error = last_line[0].removeprefix("jld: ")[:300] if code and not stopped and last_line else ""
             job.state = "done" if code == 0 else "stopped" if stopped else "failed"
         if job.kind != "study":
             try:
-                files.write_text(job.folder / ORDERS, json.dumps({**told, "done": code == 0}))
+                files.write_text(job.folder / ORDERS, json.dumps({**record, "done": code == 0}))
             except OSError as error:
-                with self._turn:
+                with self._lock:
                     problem = f"{job.folder / ORDERS}: {error.strerror or error}; expected room to write it"
                     job.error = job.error or problem
 
@@ -276,21 +276,21 @@ class Jobs:
 def _read_object(path: Path) -> dict[str, Any]:
     """Return the JSON object in a file; raise InputError if there is none."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
         raise InputError(str(path), f"it is damaged ({error})", _UNDAMAGED) from None
-    if not isinstance(found, dict):
+    if not isinstance(content, dict):
         raise InputError(str(path), "it is damaged (no JSON object)", _UNDAMAGED)
-    return found
+    return content
 
 
 def _progress_of(line: str) -> dict[str, Any] | None:
     """Return a progress report; None for any other line, such as output of a library."""
     try:
-        told = json.loads(line)
+        report = json.loads(line)
     except ValueError:
         return None
-    return told if isinstance(told, dict) else None
+    return report if isinstance(report, dict) else None
 
 
 def _orders_of(study: Path) -> dict[str, Any]:
@@ -327,9 +327,9 @@ class _Teller:
 
     def tell(self, progress: Progress) -> None:
         best, bound = (None if not math.isfinite(v) else v for v in (progress.best, progress.bound))
-        told: dict[str, Any] = {"done": progress.done, "total": progress.total, "best": best, "bound": bound}
-        told["labelling"] = progress.labelling
-        sys.stdout.write(json.dumps({**told, "seconds": progress.seconds}) + "\n")
+        report: dict[str, Any] = {"done": progress.done, "total": progress.total, "best": best, "bound": bound}
+        report["labelling"] = progress.labelling
+        sys.stdout.write(json.dumps({**report, "seconds": progress.seconds}) + "\n")
         sys.stdout.flush()
 
 
@@ -359,25 +359,25 @@ KEYS = ("scene", "labelling")  # entries of a request
 
 
 @one_thread()
-def evaluate(asked: Mapping[str, Any]) -> dict[str, Any]:
+def evaluate(request: Mapping[str, Any]) -> dict[str, Any]:
     """Solve a scene as another program states it, and return JSON data."""
     start = time.perf_counter()
-    unknown = sorted(set(asked) - set(KEYS))
+    unknown = sorted(set(request) - set(KEYS))
     if unknown:
         raise InputError(unknown[0], "the request has no such entry", " or ".join(KEYS))
-    if not isinstance(asked.get("scene"), dict):
+    if not isinstance(request.get("scene"), dict):
         raise InputError("scene", "it is no JSON object", "a scene document")
-    assembly = build_assembly(parse_scene(asked["scene"], ""))
+    assembly = build_assembly(parse_scene(request["scene"], ""))
     labels = assembly.labels
-    letters = asked.get("labelling")
+    letters = request.get("labelling")
     if letters is not None:
         count = assembly.faces
         if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
             raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
         labels = structures.with_members(assembly, from_string(letters))
     result = solve(assembly, labels)
-    found, elements = result.to_json(), result.assembly.elements
-    found["labelling"] = to_string(labels[: assembly.faces])
-    found["centroids"] = dict(zip(elements.ids, elements.centroid.tolist(), strict=True))
-    found["seconds"] = {**found["seconds"], "answer": time.perf_counter() - start}
-    return found
+    answer, elements = result.to_json(), result.assembly.elements
+    answer["labelling"] = to_string(labels[: assembly.faces])
+    answer["centroids"] = dict(zip(elements.ids, elements.centroid.tolist(), strict=True))
+    answer["seconds"] = {**answer["seconds"], "answer": time.perf_counter() - start}
+    return answer

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 _ROUTE: Final = Route("sliders of materials", frozenset(FACTS))  # faces with a criterion have none
 
-_KEPT: Final = 8  # number of materials whose analyses are stored
+_MOST_ANALYSES: Final = 8  # number of materials whose analyses are stored
 
 # Field of `Strengths` of each material value that a slider may state
 _STRENGTHS: Final = {(one.label, one.key): one.field for one in standard.PARAMETERS}
@@ -81,9 +81,9 @@ class AssemblyStructure:
         strengths = assembly.strengths(_ROUTE)
         for (part, key), name in _STRENGTHS.items():
             values = getattr(strengths, name)[: assembly.faces]
-            stated = values[np.isfinite(values)]
-            if stated.size and float(np.median(stated)) > 0.0:
-                self.materials.setdefault(part, {})[key] = float(np.median(stated))
+            finite = values[np.isfinite(values)]
+            if finite.size and float(np.median(finite)) > 0.0:
+                self.materials.setdefault(part, {})[key] = float(np.median(finite))
 
     def with_materials(self, materials: Mapping[str, Any]) -> Assembly:
         """Return the assembly with scaled strengths; raise InputError for a value that is no number of at least 0."""
@@ -124,26 +124,26 @@ class LayoutSolver:
 
     def __init__(self, structure: Structure, model: SolveOptions | None = None) -> None:
         self._structure, self._model = structure, model
-        self._kept: OrderedDict[str, CaseAnalysis] = OrderedDict()
+        self._analyses: OrderedDict[str, CaseAnalysis] = OrderedDict()
 
     def solve(self, letters: object, materials: object) -> page_contract.Solution:
         """Solve a layout (letters d, i and v) under materials of a scene file; return what a page draws."""
         if not isinstance(materials, dict):
             raise InputError("materials", "they are no JSON object", "materials as in a scene file")
         name = json.dumps(materials, sort_keys=True)
-        if name not in self._kept:
-            self._kept[name] = CaseAnalysis(self._structure.with_materials(materials), self._model)
-        self._kept.move_to_end(name)
-        while len(self._kept) > _KEPT:
-            self._kept.popitem(last=False)
-        analysis = self._kept[name]
+        if name not in self._analyses:
+            self._analyses[name] = CaseAnalysis(self._structure.with_materials(materials), self._model)
+        self._analyses.move_to_end(name)
+        while len(self._analyses) > _MOST_ANALYSES:
+            self._analyses.popitem(last=False)
+        analysis = self._analyses[name]
         count = analysis.assembly.faces
         if not isinstance(letters, str) or len(letters) != count or letters.strip("div"):
             raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d, i or v")
         if "v" in letters:
-            rest, labels = cut(analysis.assembly, letters)
+            structure, labels = cut(analysis.assembly, letters)
             return page_data.within(
-                page_data.solution_of(CaseAnalysis(rest, self._model).solve(labels)), analysis.assembly, letters
+                page_data.solution_of(CaseAnalysis(structure, self._model).solve(labels)), analysis.assembly, letters
             )
         return page_data.solution_of(analysis.solve(structures.with_members(analysis.assembly, from_string(letters))))
 
@@ -172,7 +172,7 @@ class NotebookPage:
         self, title: str, plain: str, pages: Iterator[page_contract.PageData], solver: LayoutSolver, height: int
     ) -> None:
         self._title, self._solver, self._height = title, solver, height
-        self._name = uuid.uuid4().hex
+        self._identifier = uuid.uuid4().hex
         self._plain = plain
         # A frame that makes the output larger than LARGEST gives way to that of the next smaller page, or to none.
         first = next(pages)
@@ -182,7 +182,7 @@ class NotebookPage:
             data = next(pages, None)
             frame = None if data is None else _frame(data, height)
         self._data = data or first
-        self._inner = frame or ""
+        self._frame_html = frame or ""
         self.html = self._html()
         """HTML of the first part of the output."""
 
@@ -190,15 +190,15 @@ class NotebookPage:
         return f"NotebookPage({self._title!r})"
 
     def _html(self) -> str:
-        given = self._data["notebook"]
-        assert given is not None
+        data = self._data["notebook"]
+        assert data is not None
         rows = "".join(
             f"<label>{html.escape(name)} <input type=range disabled> {value:.4g}</label><br>"
-            for name, value in _sliders(given["materials"])
+            for name, value in _sliders(data["materials"])
         )
-        sliders = f"<p>{rows}{html.escape(given['why'])}</p>"
+        sliders = f"<p>{rows}{html.escape(data['why'])}</p>"
         plain = f"<div data-plain>{self._plain}{sliders}</div>"
-        return f'<div data-jld="{self._name}">{plain}{self._inner}</div>'
+        return f'<div data-jld="{self._identifier}">{plain}{self._frame_html}</div>'
 
     def _repr_html_(self) -> str:
         """Return the first part of the output, as programs call for it that show HTML."""
@@ -222,22 +222,22 @@ class NotebookPage:
             "page": traitlets.Unicode("").tag(sync=True),
             "__repr__": lambda _: _BRIDGE,  # what is seen of it where nothing shows widgets
         }
-        bridge = type("PageBridge", (anywidget.AnyWidget,), members)(page=self._name)
-        bridge.on_msg(lambda widget, asked, buffers: widget.send(self.answer(asked)))
+        bridge = type("PageBridge", (anywidget.AnyWidget,), members)(page=self._identifier)
+        bridge.on_msg(lambda widget, message, buffers: widget.send(self.answer(message)))
         return bridge
 
-    def answer(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+    def answer(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Answer a message of the page by one of its kind: page, solution, or "error", one line."""
-        kind = asked.get("kind")
+        kind = message.get("kind")
         if kind == "page":
             return {"kind": "page", "html": page_data.page(self._data), "height": self._height}
         if kind != "solve":
             return {"kind": "hello"}
         try:
-            found = {"solution": self._solver.solve(asked.get("labelling"), asked.get("materials"))}
+            content = {"solution": self._solver.solve(message.get("labelling"), message.get("materials"))}
         except InputError as error:
-            found = {"error": str(error)}  # type: ignore[dict-item]
-        return {"kind": "answer", "revision": asked.get("revision"), **found}
+            content = {"error": str(error)}  # type: ignore[dict-item]
+        return {"kind": "answer", "revision": message.get("revision"), **content}
 
 
 def make_page(thing: object, height: int | None = None) -> NotebookPage:
@@ -248,9 +248,9 @@ def make_page(thing: object, height: int | None = None) -> NotebookPage:
         return _study_page(thing, height or 950)
     if isinstance(thing, Scene | Assembly):
         scene, assembly = (thing, build_assembly(thing)) if isinstance(thing, Scene) else (None, thing)
-        found = solve_by_elements(assembly, assembly.labels, what="the page of a notebook")
+        result = solve_by_elements(assembly, assembly.labels, what="the page of a notebook")
         # of cells no sliders know the scene: they scale the strengths of the cells
-        return _result_page(scene if assembly.cracks == "faces" else None, found, height or 700)
+        return _result_page(scene if assembly.cracks == "faces" else None, result, height or 700)
     if isinstance(thing, LimitAnalysisResult):
         return _result_page(None, thing, height or 700)
     if isinstance(thing, Result):
@@ -258,16 +258,16 @@ def make_page(thing: object, height: int | None = None) -> NotebookPage:
     raise TypeError(f"{type(thing).__name__} has no page")
 
 
-def _result_page(scene: Scene | None, found: LimitAnalysisResult, height: int) -> NotebookPage:
+def _result_page(scene: Scene | None, result: LimitAnalysisResult, height: int) -> NotebookPage:
     """Return the page of one layout; `scene` is None where only its assembly is known."""
-    structure = structure_of(scene, found.assembly)
-    data = page_of_study.result_data(scene, found)
-    data["notebook"] = _slider_data(structure, _BOND if scene is None and bonded(found.assembly) else None)
+    structure = structure_of(scene, result.assembly)
+    data = page_of_study.result_data(scene, result)
+    data["notebook"] = _slider_data(structure, _BOND if scene is None and bonded(result.assembly) else None)
     facts = {fact["name"]: fact["value"] for fact in data["facts"]}
-    drawing = None if len(found.assembly.elements) > notebook.LARGEST else found.drawn()
-    plain = _plain(found.assembly.name, facts, drawing)
-    solver = LayoutSolver(structure, found.model)
-    return NotebookPage(found.assembly.name, plain, iter([data]), solver, height)
+    drawing = None if len(result.assembly.elements) > notebook.LARGEST else result.drawn()
+    plain = _plain(result.assembly.name, facts, drawing)
+    solver = LayoutSolver(structure, result.model)
+    return NotebookPage(result.assembly.name, plain, iter([data]), solver, height)
 
 
 def _slider_data(structure: Structure, obstacle: str | None) -> page_contract.Notebook:

@@ -91,9 +91,9 @@ def read_file(path: Path, options: ImportOptions) -> OpenedFile:
         supports = exchange_options.several(len(entries) - measured.free, "support")
         counted = f"{exchange_options.several(measured.free, 'element')} and {supports}"
         return OpenedFile(scene, (("found", f"{counted}, {exchange_options.in_words(measured, scene.units.length)}"),))
-    found = import_file(path, options)
-    said = tuple((kind, on_page(text)) for kind, text in sentences(found.report))
-    return OpenedFile(scene_of(found, path), said, found.unit)
+    imported = import_file(path, options)
+    report = tuple((kind, on_page(text)) for kind, text in sentences(imported.report))
+    return OpenedFile(scene_of(imported, path), report, imported.unit)
 
 
 def stated_scene(path: Path) -> Scene | None:
@@ -112,12 +112,12 @@ def stated_scene(path: Path) -> Scene | None:
     return scene
 
 
-def scene_of(found: Imported, path: Path) -> Scene:
+def scene_of(imported: Imported, path: Path) -> Scene:
     try:
-        scene = parse_scene(found.document, "")
+        scene = parse_scene(imported.document, "")
         build_assembly(scene)
     except InputError as error:
-        raise found.in_unit_of_file(error, "tolerance").within(path.name) from None
+        raise imported.in_unit_of_file(error, "tolerance").within(path.name) from None
     return require_followed(scene, path.name)
 
 
@@ -135,7 +135,7 @@ def options_of(options: object) -> ImportOptions:
     """Return the options of an import that a request states; raise InputError for others."""
     if not isinstance(options, Mapping):
         raise InputError("options", "they are no JSON object", "an object")
-    given: dict[str, Any] = {}
+    chosen: dict[str, Any] = {}
     for key, value in options.items():
         if key not in KNOWN:
             raise InputError(str(key)[:40], "an import has no such option", "one of " + ", ".join(KNOWN))
@@ -144,22 +144,22 @@ def options_of(options: object) -> ImportOptions:
         if key in NUMBERS:
             if type(value) not in (int, float):
                 raise InputError(key, f"{str(value)[:40]!r} is wrong", "a length as a number")
-            given[key] = float(value)
+            chosen[key] = float(value)
         elif key in LAYERS and isinstance(value, list) and all(isinstance(part, str) for part in value):
-            given[key] = tuple(value)
+            chosen[key] = tuple(value)
         elif not isinstance(value, str):
             raise InputError(key, f"{str(value)[:40]!r} is wrong", "a text")
         else:
-            given[key] = (
+            chosen[key] = (
                 value if key in ("unit", "up") else tuple(part.strip() for part in value.split(",") if part.strip())
             )
-    return ImportOptions(**given)
+    return ImportOptions(**chosen)
 
 
 def stated(options: ImportOptions) -> dict[str, Any]:
     """Return the options of an import that differ from those of none, as a request states them."""
-    given = {key: getattr(options, key) for key in KNOWN}
-    return {key: list(value) if key in LAYERS else value for key, value in given.items() if value not in (None, ())}
+    values = {key: getattr(options, key) for key in KNOWN}
+    return {key: list(value) if key in LAYERS else value for key, value in values.items() if value not in (None, ())}
 
 
 DESIGNED: Final = {"mass": "block-mass", "force": "load", "seconds": "seconds"}
@@ -182,41 +182,43 @@ def understood(path: Path, options: ImportOptions, settings: Mapping[str, Any]) 
     libraries.reader_of(path)  # there is such a file
     seconds = _SECONDS[0] + _SECONDS[1] * path.stat().st_size / 2**20
     with libraries.reading(path):
-        found: dict[str, Any] = libraries.in_own_process(
+        answer: dict[str, Any] = libraries.in_own_process(
             _understood, path.absolute(), options, settings, seconds=seconds
         )
-    return found
+    return answer
 
 
 def _understood(path: Path, options: ImportOptions, settings: Mapping[str, Any]) -> dict[str, Any]:
     notes, read = Notes(), libraries.reader_of(path).read
     assert read is not None
     with libraries.reading(path), libraries.without_collection():
-        content = drawn = read(path, options, notes)
+        content = drawing = read(path, options, notes)
         if options.skip or options.layer:  # some readers leave out what is not to be read
-            drawn = read(path, replace(options, skip=(), layer=("*",) if options.layer else ()), Notes())
-    found, tried, refused = _tried(path, content, options, notes, feet=False)
+            drawing = read(path, replace(options, skip=(), layer=("*",) if options.layer else ()), Notes())
+    imported, import_notes, refused = _import_content(path, content, options, notes, feet=False)
     undesigned = refused
     if refused is not None and _LACKING in refused.problem:  # a design adds supports
-        found, again, undesigned = _tried(path, content, options, notes, feet=True)
-        tried = again if undesigned is None else tried
+        imported, notes_with_feet, undesigned = _import_content(path, content, options, notes, feet=True)
+        import_notes = notes_with_feet if undesigned is None else import_notes
     if "design" not in plugins.entry_points("jld.commands"):
         undesigned = InputError("jld design", "it is not installed", "pip install jld, whole")
     parts = (
-        _planar(drawn, options, found) if isinstance(drawn, drawn_loads.Drawing) else _spatial(drawn, options, found)
+        _planar(drawing, options, imported)
+        if isinstance(drawing, drawn_loads.Drawing)
+        else _spatial(drawing, options, imported)
     )
-    layers = _layers(drawn, options)
-    facts = {} if found is None else found.facts()
+    layers = _layers(drawing, options)
+    facts = {} if imported is None else imported.facts()
     return {
-        "report": [[kind, *_advised(text, layers)] for kind, text in sentences(tried.report())],
+        "report": [[kind, *_advised(text, layers)] for kind, text in sentences(import_notes.report())],
         "refused": None if refused is None else [_line(refused), _remedy(str(refused), layers)],
         "undesigned": None if undesigned is None else _line(undesigned),
-        "planar": isinstance(drawn, drawn_loads.Drawing),
+        "planar": isinstance(drawing, drawn_loads.Drawing),
         "layers": list(layers.values()),
         **parts,
         "size": facts.get("size"),
         "length": facts.get("length", "m"),
-        "unit": facts.get("unit", drawn.unit or "m"),
+        "unit": facts.get("unit", drawing.unit or "m"),
         "options": stated(options),
         "commands": {
             "import": shlex.join(["jld", "import", path.name, "-o", f"{path.stem}_scene.json", *flags(options)]),
@@ -226,8 +228,8 @@ def _understood(path: Path, options: ImportOptions, settings: Mapping[str, Any])
 
 
 def flags(options: ImportOptions) -> list[str]:
-    given = [(key, one) for key, value in stated(options).items() for one in (value if key in LAYERS else [value])]
-    return [word for key, one in given for word in (f"--{key}", f"{one:.12g}" if isinstance(one, float) else one)]
+    pairs = [(key, item) for key, value in stated(options).items() for item in (value if key in LAYERS else [value])]
+    return [text for key, item in pairs for text in (f"--{key}", f"{item:.12g}" if type(item) is float else item)]
 
 
 def design_command(file: str, out: str, options: ImportOptions, settings: Mapping[str, Any]) -> list[str]:
@@ -238,31 +240,31 @@ def design_command(file: str, out: str, options: ImportOptions, settings: Mappin
     for key, value in settings.items():
         kinds = (str,) if key == "force" else (int, float)
         if key not in DESIGNED or type(value) not in kinds:
-            wish = "mass and seconds as numbers, force as a text"
-            raise InputError(str(key)[:40], f"{str(value)[:40]!r} is wrong", wish)
+            expected = "mass and seconds as numbers, force as a text"
+            raise InputError(str(key)[:40], f"{str(value)[:40]!r} is wrong", expected)
     if options.facet is not None:
         raise InputError("facet", "jld design has no such option", "the field left empty")
-    own = [word for key, value in settings.items() for word in (f"--{DESIGNED[key]}", str(value))]
-    return ["jld", "design", file, "-o", out, *flags(options), *own]
+    words = [word for key, value in settings.items() for word in (f"--{DESIGNED[key]}", str(value))]
+    return ["jld", "design", file, "-o", out, *flags(options), *words]
 
 
-def _tried(
+def _import_content(
     path: Path, content: drawn_loads.Drawing | Solids, options: ImportOptions, notes: Notes, *, feet: bool
 ) -> tuple[Imported | None, Notes, InputError | None]:
-    """Import the content of a file; return the result, what was said, and why it makes no scene; feet: add supports."""
-    said, found = copy.deepcopy(notes), None
+    """Import the content of a file; return the result, the notes, and why it makes no scene; feet: add supports."""
+    import_notes, imported = copy.deepcopy(notes), None
     try:
         with libraries.reading(path), libraries.without_collection():
             if isinstance(content, drawn_loads.Drawing):
-                found = planar_scene(content, options, said, feet=feet)
+                imported = planar_scene(content, options, import_notes, feet=feet)
             else:
-                found = solids.spatial_scene(content, options, said, feet=feet)
-        scene_of(found, path)  # it may refuse
+                imported = solids.spatial_scene(content, options, import_notes, feet=feet)
+        scene_of(imported, path)  # it may refuse
     except InputError as error:
         if error.parameter:
             raise  # a wrong option is the user's, not the file's
-        return found, said, error
-    return found, said, None
+        return imported, import_notes, error
+    return imported, import_notes, None
 
 
 def _line(error: InputError) -> str:
@@ -295,18 +297,18 @@ def _remedy(text: str, layers: Mapping[str, Any]) -> dict[str, Any] | None:
 
 def _layers(drawn: drawn_loads.Drawing | Solids, options: ImportOptions) -> dict[str, dict[str, Any]]:
     """Return name, role, role by its name alone, and number of shapes of each layer of a file."""
-    planar, plain = isinstance(drawn, drawn_loads.Drawing), ImportOptions()
+    planar, no_options = isinstance(drawn, drawn_loads.Drawing), ImportOptions()
     shapes = (
         [p.layer for p in drawn.paths] if isinstance(drawn, drawn_loads.Drawing) else [p.group for p in drawn.parts]
     )
     marks = [mark.layer for mark in drawn.marks]
-    found: dict[str, dict[str, Any]] = {}
+    layers: dict[str, dict[str, Any]] = {}
     for layer in [*shapes, *marks]:
         role = _role(layer, "" if planar else layer, options, planar=planar or layer not in shapes)
-        named = _role(layer, "", plain, planar=planar or layer not in shapes)
-        one = found.setdefault(layer, {"name": layer, "role": role, "named": named, "count": 0})
-        one["count"] += 1
-    return found
+        named = _role(layer, "", no_options, planar=planar or layer not in shapes)
+        entry = layers.setdefault(layer, {"name": layer, "role": role, "named": named, "count": 0})
+        entry["count"] += 1
+    return layers
 
 
 def _role(layer: str, name: str, options: ImportOptions, *, planar: bool) -> str:
@@ -316,9 +318,9 @@ def _role(layer: str, name: str, options: ImportOptions, *, planar: bool) -> str
     return "support" if options.role(layer) == "support" else "block" if options.chosen(layer, name) else "skip"
 
 
-def _planar(drawn: drawn_loads.Drawing, options: ImportOptions, found: Imported | None) -> dict[str, Any]:
-    entries = [] if found is None else found.document["elements"]
-    scale, doubted = (1.0, ()) if found is None else (found.scale, found.report.doubted)
+def _planar(drawn: drawn_loads.Drawing, options: ImportOptions, imported: Imported | None) -> dict[str, Any]:
+    entries = [] if imported is None else imported.document["elements"]
+    scale, doubted = (1.0, ()) if imported is None else (imported.scale, imported.report.doubted)
     elements = [
         {
             "id": entry["id"],
@@ -350,24 +352,27 @@ def _mark(
 
 
 def _used(paths: Sequence[exchange_paths.Path], elements: Sequence[Mapping[str, Any]]) -> Sequence[bool]:
+    """Return for each path whether at least half of its corners and middles lie on outlines of elements."""
     if not elements:
         return [True] * len(paths)
     rings = shapely.STRtree([shapely.LinearRing(element["outline"]) for element in elements])
     straight = [path.points[:-1, 2] == 0.0 for path in paths]
     middles = [
-        0.5 * (path.points[1:, :2] + path.points[:-1, :2])[own] for path, own in zip(paths, straight, strict=True)
+        0.5 * (path.points[1:, :2] + path.points[:-1, :2])[is_straight]
+        for path, is_straight in zip(paths, straight, strict=True)
     ]
     probes = [np.concatenate([path.points[:, :2], middle]) for path, middle in zip(paths, middles, strict=True)]
-    owner, every = np.repeat(np.arange(len(paths)), list(map(len, probes))), np.concatenate(probes)
+    owner, points = np.repeat(np.arange(len(paths)), list(map(len, probes))), np.concatenate(probes)
     reach = _REACH * float(np.ptp(np.concatenate([element["outline"] for element in elements]), axis=0).max())
-    on = np.isin(np.arange(len(every)), rings.query(shapely.points(every), predicate="dwithin", distance=reach)[0])
-    found: list[bool] = (np.bincount(owner, on, len(paths)) >= 0.5 * np.bincount(owner)).tolist()
-    return found
+    near = np.zeros(len(points))
+    near[rings.query(shapely.points(points), predicate="dwithin", distance=reach)[0]] = 1.0
+    used: list[bool] = (np.bincount(owner, near, len(paths)) >= 0.5 * np.bincount(owner)).tolist()
+    return used
 
 
-def _spatial(drawn: Solids, options: ImportOptions, found: Imported | None) -> dict[str, Any]:
+def _spatial(drawn: Solids, options: ImportOptions, imported: Imported | None) -> dict[str, Any]:
     """Return "shapes" of solids, in the unit of the file with z upwards; "elements" is empty."""
-    entries, scale = ([], 1.0) if found is None else (list(found.document["elements"]), found.scale)
+    entries, scale = ([], 1.0) if imported is None else (list(imported.document["elements"]), imported.scale)
     boxes = sum(len(part.faces) for part in drawn.parts) > _MOST_FACES
     turn = np.array(_Y_UP) if options.up == "y" else np.eye(3)
     shapes = []

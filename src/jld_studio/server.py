@@ -76,18 +76,18 @@ def open_studio(
 
     scene, root, study = opened(source, options, announce)
     drawing = _drawing(source, options or ImportOptions()) if source is not None and is_drawing(source) else None
-    desk = StudioSession(scene)
+    session = StudioSession(scene)
     listener = _listener(port)
-    number = listener.getsockname()[1]
+    port_number = listener.getsockname()[1]
     token = secrets.token_urlsafe(24)
     jobs = Jobs(root, study)
-    answers = Api(desk, jobs, root, lambda: first_data(desk, root, study), drawing)
-    app = build_app(answers, token, (f"127.0.0.1:{number}", f"localhost:{number}"))
-    told = uvicorn.Config(
+    api = Api(session, jobs, root, lambda: first_data(session, root, study), drawing)
+    app = build_app(api, token, (f"127.0.0.1:{port_number}", f"localhost:{port_number}"))
+    config = uvicorn.Config(
         app, log_level="warning", access_log=False, server_header=False, timeout_graceful_shutdown=_LAST_ANSWERS
     )
-    server = uvicorn.Server(told)
-    address = f"http://127.0.0.1:{number}/{token}/"
+    server = uvicorn.Server(config)
+    address = f"http://127.0.0.1:{port_number}/{token}/"
     announce(address)
     if browser:
         import webbrowser
@@ -129,18 +129,18 @@ def opened(
     plain = options is None or options == ImportOptions()
     if source is not None and not source.is_dir() and (not plain or is_drawing(source)):
         try:
-            found = read_file(source, options or ImportOptions())
+            file = read_file(source, options or ImportOptions())
         except InputError as error:
             if error.parameter or not is_drawing(source):
                 raise
             understood(source, options or ImportOptions(), {})
             announce(f"not opened   {error}")
             return parse_scene(START), source.with_name(f"{source.stem}_studio"), None
-        if not plain and not found.unit:
+        if not plain and not file.unit:
             raise InputError(str(source), "it is a scene, which is read as it is", "a drawing, or no options of layers")
-        for kind, text in found.report:
+        for kind, text in file.report:
             announce(f"{kind:<12} {text}")
-        return found.scene, source.with_name(f"{source.stem}_studio"), None
+        return file.scene, source.with_name(f"{source.stem}_studio"), None
     if not plain:
         raise InputError(str(source or "jld studio"), "there is no drawing to read by layers", "a drawing")
     if source is None:
@@ -223,8 +223,8 @@ class Guard:
         if body is None:
             await PlainTextResponse("too large\n", status_code=413)(scope, receive, _with_headers(send))
             return
-        whole: Message = {"type": "http.request", "body": body, "more_body": False}
-        waiting = [whole]
+        message: Message = {"type": "http.request", "body": body, "more_body": False}
+        waiting = [message]
 
         async def once() -> Message:
             return waiting.pop() if waiting else await receive()
@@ -243,8 +243,8 @@ class Guard:
             return 403, "not from another page\n"
         if headers.get("sec-fetch-site", ["none"])[0] not in ("none", "same-origin"):
             return 403, "not from another page\n"
-        given, slash, _ = scope["path"].removeprefix("/").partition("/")
-        if not slash or not secrets.compare_digest(given.encode("utf-8"), self.token.encode("ascii")):
+        token, slash, _ = scope["path"].removeprefix("/").partition("/")
+        if not slash or not secrets.compare_digest(token.encode("utf-8"), self.token.encode("ascii")):
             return 403, "the token is missing; use the whole address that jld studio printed\n"
         if scope["method"] not in ("GET", "HEAD", "POST"):
             return 405, "GET or POST\n"
@@ -278,8 +278,8 @@ def _with_headers(send: Send) -> Send:
 
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
-            own = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
-            message = {**message, "headers": [*message.get("headers", []), *own]}
+            security = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+            message = {**message, "headers": [*message.get("headers", []), *security]}
         await send(message)
 
     return sending
@@ -293,22 +293,22 @@ def _json_of(body: bytes) -> dict[str, Any]:
     """Return the JSON object of a request; raise InputError if there is none."""
     try:
         # json raises ValueError for invalid JSON, invalid UTF-8, or a number of thousands of digits.
-        asked = json.loads(body or b"{}")
+        content = json.loads(body or b"{}")
     except (ValueError, RecursionError):
         raise InputError("request", "it is not JSON", "one JSON object") from None
-    if not isinstance(asked, dict):
+    if not isinstance(content, dict):
         raise InputError("request", "it is no JSON object", "an object")
-    return asked
+    return content
 
 
-def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
+def build_app(api: Api, token: str, hosts: tuple[str, ...]) -> Guard:
     """Return the web application of the studio: page, front-end files and the API."""
 
     def calling(call: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[Request], Any]:
         async def answer(request: Request) -> Response:
             try:
-                asked = _json_of(await request.body()) if request.method == "POST" else {}
-                return JSONResponse(await anyio.to_thread.run_sync(call, asked))
+                content = _json_of(await request.body()) if request.method == "POST" else {}
+                return JSONResponse(await anyio.to_thread.run_sync(call, content))
             except InputError as error:
                 return JSONResponse({"error": str(error), "key": error.where}, status_code=400)
             except SolverError as error:
@@ -333,32 +333,32 @@ def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
         return Response(text, media_type=KINDS[name.rpartition(".")[2]])
 
     calls: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
-        "solve": answers.solve,
+        "solve": api.solve,
         "evaluate": evaluate,
-        "edit": answers.edit,
-        "open": answers.open,
-        "read": answers.read,
-        "design": answers.design,
-        "show": answers.show,
-        "support": answers.support,
-        "drawing": answers.drawing,
-        "fields": answers.fields,
-        "improve": answers.improve,
-        "start": answers.start_job,
-        "stop": answers.stop_job,
-        "resume": answers.resume_job,
-        "results": answers.results,
-        "report": answers.report,
-        "candidates": answers.keep,
-        "scene": answers.scene,
-        "export": answers.export,
-        "save": answers.save,
+        "edit": api.edit,
+        "open": api.open,
+        "read": api.read,
+        "design": api.design,
+        "show": api.show,
+        "support": api.support,
+        "drawing": api.drawing,
+        "fields": api.fields,
+        "improve": api.improve,
+        "start": api.start_job,
+        "stop": api.stop_job,
+        "resume": api.resume_job,
+        "results": api.results,
+        "report": api.report,
+        "candidates": api.keep,
+        "scene": api.scene,
+        "export": api.export,
+        "save": api.save,
     }
     routes = [
         Route("/", page),
         Route("/assets/{name:path}", file),
-        Route("/api/data", calling(answers.data)),
-        Route("/api/jobs", calling(answers.list_jobs)),
+        Route("/api/data", calling(api.data)),
+        Route("/api/jobs", calling(api.list_jobs)),
         *(Route(f"/api/{name}", calling(call), methods=["POST"]) for name, call in calls.items()),
     ]
     return Guard(Starlette(routes=routes), token, hosts)

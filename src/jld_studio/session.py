@@ -49,7 +49,7 @@ from jld_geometry.variables import SAME, Variables, mirrored, variables_of, vert
 from jld_views import page_contract, page_data, page_of_study
 from jld_views import page_data as report_page_data
 
-ASKED_SECONDS: Final = 3.0  # time limit of one improvement, s; a page waits for it
+IMPROVE_SECONDS: Final = 3.0  # time limit of one improvement, s; a page waits for it
 STEPS: Final = 6  # number of steps of an improvement that are tried
 
 
@@ -72,13 +72,13 @@ class JointVertices:
 
     def facts(self) -> dict[str, Any]:
         """Return the data by which a page drags vertices: `places`, `loops`, `ends`, `paths` and `ties`."""
-        found, paths = self._variables, dict[str, Any]()
+        variables, paths = self._variables, dict[str, Any]()
         for vertex in sorted(self._movable):
-            own = np.flatnonzero(found.vertex == vertex)
-            if not np.isnan(found.centre[own[0], 0]):
-                paths[str(vertex)] = {"circle": found.centre[own[0]].tolist()}
+            rows = np.flatnonzero(variables.vertex == vertex)
+            if not np.isnan(variables.centre[rows[0], 0]):
+                paths[str(vertex)] = {"circle": variables.centre[rows[0]].tolist()}
             else:
-                paths[str(vertex)] = {} if len(own) > 1 else {"direction": found.direction[own[0]].tolist()}
+                paths[str(vertex)] = {} if len(rows) > 1 else {"direction": variables.direction[rows[0]].tolist()}
         return {
             "places": self.mesh.places.tolist(),
             "loops": [loop.tolist() for loop in self.mesh.loops],
@@ -91,29 +91,29 @@ class JointVertices:
         """Return the vertices that move with each by the key "ties", with 1, or −1 for mirrored ones."""
         # Vertices without ties have no entry.
         ties = "none" if self._move is None else self._move.ties
-        found: dict[int, list[tuple[int, int]]] = {}
+        tied: dict[int, list[tuple[int, int]]] = {}
         if ties == "mirror-x":
             partner = mirrored(self._variables, self._assembly)
             return {k: [(int(partner[k]), -1)] for k in self._movable if partner[k] != k}
         for group in ties if isinstance(ties, list) else []:
-            own = [vertex_at(self.mesh.places, point, self._assembly.size, "move.ties") for point in group]
-            for vertex in own:
-                found.setdefault(vertex, []).extend((other, 1) for other in own if other != vertex)
-        return found
+            together = [vertex_at(self.mesh.places, point, self._assembly.size, "move.ties") for point in group]
+            for vertex in together:
+                tied.setdefault(vertex, []).extend((other, 1) for other in together if other != vertex)
+        return tied
 
     def placed(self, vertices: object) -> Floats:
         """Return the places (v, 2) of all vertices, with those of a request; InputError if one may not move."""
         if not isinstance(vertices, dict):
             raise InputError("vertices", "they are no JSON object", "an object from vertex to [x, y]")
-        found = self.mesh.places.copy()
-        for name, place in vertices.items():
+        places = self.mesh.places.copy()
+        for name, point in vertices.items():
             if not name.isdecimal() or int(name) not in self._movable:
                 raise InputError("vertices", f"{name[:40]!r} is no vertex that may move", "a vertex of a joint")
-            right = isinstance(place, list) and len(place) == 2
-            if not right or not all(type(one) in (int, float) and math.isfinite(one) for one in place):
-                raise InputError(f"vertices.{name}", f"it is {str(place)[:40]}", "two finite numbers [x, y]")
-            found[int(name)] = place
-        return found
+            is_pair = isinstance(point, list) and len(point) == 2
+            if not is_pair or not all(type(value) in (int, float) and math.isfinite(value) for value in point):
+                raise InputError(f"vertices.{name}", f"it is {str(point)[:40]}", "two finite numbers [x, y]")
+            places[int(name)] = point
+        return places
 
     def scene(self, base: Scene, labels: Bits, places: Floats) -> Scene:
         return self.mover(base, labels).at(places)
@@ -130,20 +130,20 @@ class JointVertices:
         # Vertices of inner faces follow where the scene has no key "move". λ is maximised, even if the key states
         # another objective.
         move = (scene.move or scene_move.Move(inner="follow")).model_copy(update={"maximise": "load_factor"})
-        shown = scene.model_copy(update={"move": move})
-        done = move_joints(shown, assembly, labels, seconds=ASKED_SECONDS, trust=TrustRegion(points=STEPS))
+        moving = scene.model_copy(update={"move": move})
+        result = move_joints(moving, assembly, labels, seconds=IMPROVE_SECONDS, trust=TrustRegion(points=STEPS))
         # the mesh of what is shown may number its vertices in another way
-        start = done.places - done.moved
+        start = result.places - result.moved
         distance, same = cKDTree(start).query(places)
-        known = np.asarray(distance) <= SAME * assembly.size
-        ends = places + np.where(known[:, None], done.moved[same], 0.0)
+        is_known = np.asarray(distance) <= SAME * assembly.size
+        ends = places + np.where(is_known[:, None], result.moved[same], 0.0)
         changed = np.flatnonzero(abs(ends - self.mesh.places).max(axis=1) > 0.0).tolist()
         return {
             "vertices": {str(vertex): ends[vertex].tolist() for vertex in changed if vertex in self._movable},
-            "start": number(done.start),
-            "value": number(done.value),
-            "steps": len(done.points) - 1,
-            "end": done.end,
+            "start": number(result.start),
+            "value": number(result.value),
+            "steps": len(result.points) - 1,
+            "end": result.end,
         }
 
 
@@ -156,7 +156,7 @@ def collapse_loads(scene: Scene, assembly: Assembly, result: LimitAnalysisResult
     None if moving.
     """
     results = result.cases or {"": result}
-    return texts_of_loads(scene, assembly, {name: one.load_factor for name, one in results.items()})
+    return texts_of_loads(scene, assembly, {name: solved.load_factor for name, solved in results.items()})
 
 
 def texts_of_loads(scene: Scene, assembly: Assembly, factors: Mapping[str, float | None]) -> list[list[str]]:
@@ -178,17 +178,17 @@ def texts_of_bounds(scene: Scene, assembly: Assembly, brackets: Sequence[Sequenc
         texts_of_loads(scene, assembly, {name: one[end] for name, one in zip(names, brackets, strict=True)})
         for end in (0, 1)
     )
-    found = []
+    texts = []
     for least, most, (bottom, top) in zip(low, high, brackets, strict=True):
         if top is not None and top <= 0.0:
-            found.append([""] * len(most))
+            texts.append([""] * len(most))
         elif bottom is None or bottom <= 0.0:
-            found.append([text and f"at most {text}" for text in most])
+            texts.append([text and f"at most {text}" for text in most])
         elif top is None:
-            found.append([text and f"at least {text}" for text in least])
+            texts.append([text and f"at least {text}" for text in least])
         else:
-            found.append([one if one == two else f"{one} to {two}" for one, two in zip(least, most, strict=True)])
-    return found
+            texts.append([one if one == two else f"{one} to {two}" for one, two in zip(least, most, strict=True)])
+    return texts
 
 
 def _text(entry: loads.LoadEntry, scene: Scene, weight: float, factor: float | None) -> str:
@@ -237,7 +237,7 @@ LARGEST: Final = 3000
 """Triangles of the coarsest mesh above which nothing is bounded: both bounds would take longer than `SECONDS`."""
 
 # Number of layouts whose refinement is kept, so that a layout that is shown again goes on where it stopped.
-KEPT_BRACKETS: Final = 8
+MOST_BRACKETS: Final = 8
 
 
 class FieldBracket:
@@ -259,16 +259,18 @@ class FieldBracket:
         case = self._next()
         if case is not None:
             self._bounds[case] = self._cases[case].step()
-        known = [bounds for bounds in self._bounds if bounds is not None]
-        found = governing(
-            [by_fields.case_bounds_of(bounds) for bounds in known], self._assembly.required.tolist()[: len(known)]
+        solved = [bounds for bounds in self._bounds if bounds is not None]
+        bracket = governing(
+            [by_fields.case_bounds_of(bounds) for bounds in solved], self._assembly.required.tolist()[: len(solved)]
         )
-        ready = len(known) == len(self._bounds)
+        ready = len(solved) == len(self._bounds)
         return {
-            "bracket": [number(found.low) if ready else None, number(found.high)],
-            "cases": [[None, None] if one is None else [number(one.lower), number(one.upper)] for one in self._bounds],
-            "status": str(found.status),
-            "triangles": sum(bounds.simplices for bounds in known),
+            "bracket": [number(bracket.low) if ready else None, number(bracket.high)],
+            "cases": [
+                [None, None] if each is None else [number(each.lower), number(each.upper)] for each in self._bounds
+            ],
+            "status": str(bracket.status),
+            "triangles": sum(bounds.simplices for bounds in solved),
             "seconds": self._spent,
             "more": self._next() is not None,
         }
@@ -282,7 +284,7 @@ class FieldBracket:
         for case, bounds in enumerate(self._bounds):
             if bounds is None:
                 return case
-        lower = [math.inf if one is None else one.lower for one in self._bounds]
+        lower = [math.inf if case_bounds is None else case_bounds.lower for case_bounds in self._bounds]
         for case in np.argsort(np.array(lower) / self._assembly.required, kind="stable").tolist():
             refinement = self._cases[case]
             wait = refinement.expected - refinement.spent
@@ -298,27 +300,27 @@ class FieldBrackets:
     """
 
     def __init__(self) -> None:
-        self._kept: OrderedDict[tuple[int, bytes], tuple[Assembly, FieldBracket]] = OrderedDict()
-        self._turn = threading.Lock()
+        self._brackets: OrderedDict[tuple[int, bytes], tuple[Assembly, FieldBracket]] = OrderedDict()
+        self._lock = threading.Lock()
 
     def step(self, assembly: Assembly, labels: Bits, gap: float) -> dict[str, Any]:
         """Solve one more mesh of a layout, as `FieldBracket.step`, or return `refused` with the reason."""
         key = (id(assembly), labels.tobytes())
-        with self._turn:
+        with self._lock:
             try:
-                if key not in self._kept:
+                if key not in self._brackets:
                     # the assembly is kept beside its bracket, so that its id stays its own
-                    self._kept[key] = (assembly, FieldBracket(assembly, labels, gap))
-                self._kept.move_to_end(key)
-                while len(self._kept) > KEPT_BRACKETS:
-                    self._kept.popitem(last=False)
-                return self._kept[key][1].step()
+                    self._brackets[key] = (assembly, FieldBracket(assembly, labels, gap))
+                self._brackets.move_to_end(key)
+                while len(self._brackets) > MOST_BRACKETS:
+                    self._brackets.popitem(last=False)
+                return self._brackets[key][1].step()
             except InputError as error:
                 return {"refused": str(error), "more": False}
 
 
-KEPT: Final = 16  # number of cached assemblies; the cache key contains all changes except labels
-SPACES: Final = 4  # number of cached search spaces; the key contains limits and weights
+MOST_SCENARIOS: Final = 16  # number of cached assemblies; the cache key contains all changes except labels
+MOST_SPACES: Final = 4  # number of cached search spaces; the key contains limits and weights
 
 # Parts of a scene besides labels that a page may change; "vertices" are those of joints of planar scenes.
 CHANGEABLE: Final = ("materials", "loads", "search", "vertices")
@@ -342,14 +344,14 @@ class StudioSession:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.document: dict[str, Any] = scene.model_dump(mode="json", exclude_defaults=True)
-        self._kept: OrderedDict[str, ScenarioCache] = OrderedDict()
-        self._turn = threading.RLock()
+        self._scenarios: OrderedDict[str, ScenarioCache] = OrderedDict()
+        self._lock = threading.RLock()
         self._brackets = FieldBrackets()
         self._geometry = build_geometry(scene)
         self._spaces: OrderedDict[tuple[str, bytes], SearchSpace | InputError] = OrderedDict()
-        found = _joints(scene, self.setup({}).assembly)
-        self.joints = found if isinstance(found, JointVertices) else None
-        self._fixed = found if isinstance(found, InputError) else None
+        joints = _joints(scene, self.setup({}).assembly)
+        self.joints = joints if isinstance(joints, JointVertices) else None
+        self._fixed = joints if isinstance(joints, InputError) else None
         self._mover: tuple[str, MovedScene] | None = None
 
     def setup(self, changes: Mapping[str, Any]) -> ScenarioCache:
@@ -358,19 +360,19 @@ class StudioSession:
             if key not in CHANGEABLE:
                 raise InputError(key, "the studio does not change it", " or ".join(CHANGEABLE))
         name = json.dumps(changes, sort_keys=True)
-        with self._turn:
-            if name in self._kept:
-                self._kept.move_to_end(name)
-                return self._kept[name]
+        with self._lock:
+            if name in self._scenarios:
+                self._scenarios.move_to_end(name)
+                return self._scenarios[name]
             scene, moved = self._changed(changes)
             assembly = build_assembly(scene, None if moved else self._geometry)
             # a search admits by weights and shapes, which take longer to look at than a drag may last
-            found = None if moved else self._space(scene, assembly)
-            space, refusal = (None, found) if isinstance(found, InputError) else (found, None)
-            made = self._kept[name] = ScenarioCache(scene, assembly, space, refusal, CaseAnalysis(assembly))
-            while len(self._kept) > KEPT:
-                self._kept.popitem(last=False)
-            return made
+            answer = None if moved else self._space(scene, assembly)
+            space, refusal = (None, answer) if isinstance(answer, InputError) else (answer, None)
+            scenario = self._scenarios[name] = ScenarioCache(scene, assembly, space, refusal, CaseAnalysis(assembly))
+            while len(self._scenarios) > MOST_SCENARIOS:
+                self._scenarios.popitem(last=False)
+            return scenario
 
     def _changed(self, changes: Mapping[str, Any]) -> tuple[Scene, bool]:
         """Return the scene with changes as in `setup`, and True if its vertices moved."""
@@ -394,8 +396,8 @@ class StudioSession:
         setup = self.setup(changes)
         if part == "search" and setup.refusal is not None:
             raise setup.refusal
-        found: dict[str, Any] = setup.scene.model_dump(mode="json", exclude_defaults=True).get(str(part), {})
-        return found
+        value: dict[str, Any] = setup.scene.model_dump(mode="json", exclude_defaults=True).get(str(part), {})
+        return value
 
     def _movable(self) -> JointVertices:
         """Return the vertices that may move; raise InputError, which says why, if there are none."""
@@ -414,7 +416,7 @@ class StudioSession:
             except InputError as error:
                 self._spaces[key] = error
         self._spaces.move_to_end(key)
-        while len(self._spaces) > SPACES:
+        while len(self._spaces) > MOST_SPACES:
             self._spaces.popitem(last=False)
         return self._spaces[key]
 
@@ -436,15 +438,15 @@ class StudioSession:
         start = time.perf_counter()
         setup = self.setup(changes)
         labels = self.labels(letters)
-        found = setup.solver.solve(labels)
+        result = setup.solver.solve(labels)
         solved = time.perf_counter()
         space, count = setup.space, setup.assembly.faces
         against = None if space is None else reasons_against(space, labels)
         return {
-            "solution": page_data.solution_of(found),
+            "solution": page_data.solution_of(result),
             "cases": page_data.cases_of(setup.assembly),
             "loads": page_data.loads_of(setup.assembly),
-            "collapse": collapse_loads(setup.scene, setup.assembly, found),
+            "collapse": collapse_loads(setup.scene, setup.assembly, result),
             "bodies": _bodies(setup.assembly),
             "against": against,
             "candidates": None if space is None else space.candidates[:count].tolist(),
@@ -464,10 +466,10 @@ class StudioSession:
         gap = (
             cracks.gap if isinstance(cracks, scene_cracks.FieldCracks) else scene_cracks.FieldCracks(kind="fields").gap
         )
-        found = self._brackets.step(setup.assembly, self.labels(letters), gap)
-        if "cases" in found:
-            found["collapse"] = texts_of_bounds(setup.scene, setup.assembly, found["cases"])
-        return found
+        bracket = self._brackets.step(setup.assembly, self.labels(letters), gap)
+        if "cases" in bracket:
+            bracket["collapse"] = texts_of_bounds(setup.scene, setup.assembly, bracket["cases"])
+        return bracket
 
     def scene_with(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
         setup, labels = self.setup(changes), self.labels(letters)
@@ -481,14 +483,14 @@ class StudioSession:
         pairs: dict[tuple[str, str], set[bool]] = {}
         for a, b, dry in zip(faces.a, faces.b, labels[: len(faces)].tolist(), strict=True):
             pairs.setdefault((ids[a], ids[b]), set()).add(dry)
-        mixed = [pair for pair, found in pairs.items() if len(found) > 1]
+        mixed = [pair for pair, labels_of_pair in pairs.items() if len(labels_of_pair) > 1]
         if mixed:
             raise InputError("labels", f"the faces between {mixed[0][0]} and {mixed[0][1]} differ", "one label a pair")
         for contact in document.get("interfaces", []):
             contact.pop("label", None)
         document["labels"] = {
-            "dry": [list(pair) for pair, found in pairs.items() if found == {True}],
-            "inner": [list(pair) for pair, found in pairs.items() if found == {False}],
+            "dry": [list(pair) for pair, labels_of_pair in pairs.items() if labels_of_pair == {True}],
+            "inner": [list(pair) for pair, labels_of_pair in pairs.items() if labels_of_pair == {False}],
         }
         written = build_assembly(parse_scene(document))
         if not np.array_equal(written.labels, labels):
@@ -521,7 +523,7 @@ def _bodies(assembly: Assembly) -> dict[str, Any]:
 
 
 # Number of scenes beside the first whose solver stays in memory; others are built again when they are asked for.
-SESSIONS: Final = 6
+MOST_SESSIONS: Final = 6
 FOLDER: Final = "scenes"  # folder for the scenes of kept candidates
 _NAME: Final = re.compile(r"[0-9a-f]{16}")  # pattern of the name of a scene
 
@@ -534,13 +536,13 @@ class SceneStore:
         self.first_name = _digest(first.document)
         self._documents: dict[str, dict[str, Any]] = {self.first_name: first.document}
         self._sessions: OrderedDict[str, StudioSession] = OrderedDict()
-        self._turn = threading.RLock()
+        self._lock = threading.RLock()
 
     def add(self, scene: Scene) -> str:
         """Keep a scene and return its name; raise InputError if it cannot be built."""
         document = scene.model_dump(mode="json", exclude_defaults=True)
         name = _digest(document)
-        with self._turn:
+        with self._lock:
             if name not in self._documents:
                 self._remember(name, StudioSession(scene))
                 self._documents[name] = document
@@ -549,7 +551,7 @@ class SceneStore:
     def find(self, name: object) -> StudioSession:
         if name is None or name == self.first_name:
             return self._first
-        with self._turn:
+        with self._lock:
             if isinstance(name, str) and name in self._sessions:
                 self._sessions.move_to_end(name)
                 return self._sessions[name]
@@ -562,7 +564,7 @@ class SceneStore:
         """Write a scene into the folder of candidates, unless it is the first or exists there."""
         if name in (None, self.first_name) or self._file(name).exists():
             return
-        with self._turn:
+        with self._lock:
             document = self.find(name).document
         self._folder.mkdir(parents=True, exist_ok=True)
         files.write_text(self._file(name), json.dumps(document))
@@ -585,7 +587,7 @@ class SceneStore:
     def _remember(self, name: str, session: StudioSession) -> StudioSession:
         """Keep a solver in memory, and let go of the one not used for longest."""
         self._sessions[name] = session
-        while len(self._sessions) > SESSIONS:
+        while len(self._sessions) > MOST_SESSIONS:
             self._sessions.popitem(last=False)
         return session
 
@@ -604,8 +606,8 @@ def with_support(document: Mapping[str, Any], element: object, support: object) 
         raise InputError("support", f"it is {str(support)[:40]!r}", "true or false")
     if "grid" in document:
         rows = _rows_with_support(document["grid"]["rows"], element, support)
-        found = {**document, "grid": {**document["grid"], "rows": rows}}
-        held = {f"c{c}r{r}" for r, row in enumerate(rows) for c, cell in enumerate(row) if cell == "#"}
+        changed_document = {**document, "grid": {**document["grid"], "rows": rows}}
+        supports = {f"c{c}r{r}" for r, row in enumerate(rows) for c, cell in enumerate(row) if cell == "#"}
     else:
         names = [entry["id"] for entry in document["elements"]]
         if element not in names:
@@ -614,28 +616,28 @@ def with_support(document: Mapping[str, Any], element: object, support: object) 
         changed[names.index(element)].pop("support", None)
         if support:
             changed[names.index(element)]["support"] = True
-        found = {**document, "elements": changed}
-        held = {entry["id"] for entry in changed if entry.get("support")}
-    if "labels" in found:
+        changed_document = {**document, "elements": changed}
+        supports = {entry["id"] for entry in changed if entry.get("support")}
+    if "labels" in changed_document:
         free = {
-            label: [pair for pair in pairs if not set(pair) <= held] if isinstance(pairs, list) else pairs
-            for label, pairs in found["labels"].items()
+            label: [pair for pair in pairs if not set(pair) <= supports] if isinstance(pairs, list) else pairs
+            for label, pairs in changed_document["labels"].items()
         }
-        found["labels"] = free
-    return found
+        changed_document["labels"] = free
+    return changed_document
 
 
 def _rows_with_support(rows: list[str], element: object, support: bool) -> list[str]:
-    place = _CELL.fullmatch(element) if isinstance(element, str) else None
-    column, row = (int(place[1]), int(place[2])) if place else (-1, -1)
+    cell = _CELL.fullmatch(element) if isinstance(element, str) else None
+    column, row = (int(cell[1]), int(cell[2])) if cell else (-1, -1)
     if not (0 <= row < len(rows) and 0 <= column < len(rows[row]) and rows[row][column] != "."):
         raise _unknown(element)
     if support == (rows[row][column] == "#"):
         return list(rows)
     # a cell that is free again is a block of its own: its letter is none of its neighbours'
-    places = ((row - 1, column), (row + 1, column), (row, column - 1), (row, column + 1))
-    near = {rows[r][c] for r, c in places if 0 <= r < len(rows) and 0 <= c < len(rows[r])}
-    letter = "#" if support else next(letter for letter in _LETTERS if letter not in near)
+    beside = ((row - 1, column), (row + 1, column), (row, column - 1), (row, column + 1))
+    neighbours = {rows[r][c] for r, c in beside if 0 <= r < len(rows) and 0 <= c < len(rows[r])}
+    letter = "#" if support else next(letter for letter in _LETTERS if letter not in neighbours)
     changed = rows[row][:column] + letter + rows[row][column + 1 :]
     return [*rows[:row], changed, *rows[row + 1 :]]
 
@@ -644,35 +646,35 @@ def _unknown(element: object) -> InputError:
     return InputError("element", f"there is none named {str(element)[:60]!r}", "the id of an element of the scene")
 
 
-def first_data(desk: StudioSession, root: Path, study: Path | None) -> page_contract.PageData:
+def first_data(session: StudioSession, root: Path, study: Path | None) -> page_contract.PageData:
     """Return the data with which the page starts: the table of a study, or the scene with its own labels solved."""
     if study is not None:
-        extra = _extra(desk, root)
-        done = read_folder(study)
-        data = page_of_study.study_data(done, patience=0.5, kind="studio", studio=extra)
-        best = done.summary.best_labelling
+        extra = _extra(session, root)
+        exploration = read_folder(study)
+        data = page_of_study.study_data(exploration, patience=0.5, kind="studio", studio=extra)
+        best = exploration.summary.best_labelling
         if data["solutions"] or best is None:
             return data
         # a table by fields holds no forces of rigid elements, which the page begins with
         return {
             **data,
-            "solutions": {"0": report_page_data.solution_of(desk.setup({}).solver.solve(desk.labels(best)))},
+            "solutions": {"0": report_page_data.solution_of(session.setup({}).solver.solve(session.labels(best)))},
         }
-    return scene_data(desk, root)
+    return scene_data(session, root)
 
 
-def scene_data(desk: StudioSession, root: Path) -> page_contract.PageData:
+def scene_data(session: StudioSession, root: Path) -> page_contract.PageData:
     """Return the page data of a scene with its own labels, solved; arguments are those of `first_data`."""
-    setup = desk.setup({})
+    setup = session.setup({})
     assembly = setup.assembly
     return report_page_data.page_data(
         kind="studio",
-        scene=desk.scene,
+        scene=session.scene,
         assembly=assembly,
         candidates=assembly.free_faces if setup.space is None else setup.space.candidates,
         facts={},
         solutions={0: report_page_data.solution_of(setup.solver.solve(assembly.labels))},
-        studio=_extra(desk, root),
+        studio=_extra(session, root),
     )
 
 
@@ -683,11 +685,11 @@ def drawing_data(scene: Scene) -> page_contract.PageData:
     )
 
 
-def _extra(desk: StudioSession, root: Path) -> dict[str, Any]:
+def _extra(session: StudioSession, root: Path) -> dict[str, Any]:
     """Return data for the studio alone: folder, formats, changeable keys, vertices."""
     return {
         "folder": str(root),
         "formats": list(FORMATS),
-        "changes": {key: desk.document.get(key, {}) for key in CHANGEABLE},
-        "joints": None if desk.joints is None else desk.joints.facts(),
+        "changes": {key: session.document.get(key, {}) for key in CHANGEABLE},
+        "joints": None if session.joints is None else session.joints.facts(),
     }

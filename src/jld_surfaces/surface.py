@@ -142,28 +142,28 @@ def resultants(shape: shapely.Geometry, section: Section, dimension: int) -> tup
     those of a face: twice stress times arm.
     """
     tension, compression = section.tensile_strength, section.compressive_strength
-    whole = _moments(shape)
+    total = _moments(shape)
     if compression is None:
         hull = np.array(shape.convex_hull.exterior.coords)[:-1]
         rays = _of(np.column_stack([np.ones(len(hull)), hull]), dimension)
-        return _of(-tension * whole[None], dimension), rays
+        return _of(-tension * total[None], dimension), rays
     angles = [0.0, np.pi] if dimension == 2 else 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    points = [-tension * whole, compression * whole]
+    points = [-tension * total, compression * total]
     for angle in angles:
-        way = np.array([np.cos(angle), np.sin(angle)])
-        heights = np.array(shape.convex_hull.exterior.coords) @ way
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        heights = np.array(shape.convex_hull.exterior.coords) @ direction
         for height in np.linspace(heights.min(), heights.max(), section.steps + 1)[1:-1]:
-            pressed = _moments(shape.intersection(_beyond(way, height)))
-            points.append((compression + tension) * pressed - tension * whole)
+            pressed = _moments(shape.intersection(_beyond(direction, height)))
+            points.append((compression + tension) * pressed - tension * total)
     return _of(np.array(points), dimension), np.zeros((0, dimension))
 
 
-def _beyond(way: Floats, height: float) -> shapely.Geometry:
-    """Return the half-plane of points x with x·way ≥ height."""
-    across = np.array([-way[1], way[0]])
-    start = height * way
-    return shapely.Polygon([start - _WIDE * across, start + _WIDE * across, start + _WIDE * (across + way),
-                            start + _WIDE * (way - across)])  # fmt: skip
+def _beyond(direction: Floats, height: float) -> shapely.Geometry:
+    """Return the half-plane of points x with x·direction ≥ height."""
+    across = np.array([-direction[1], direction[0]])
+    start = height * direction
+    return shapely.Polygon([start - _WIDE * across, start + _WIDE * across, start + _WIDE * (across + direction),
+                            start + _WIDE * (direction - across)])  # fmt: skip
 
 
 def _moments(shape: shapely.Geometry) -> Floats:
@@ -220,12 +220,12 @@ class Surface:
         InputError
             A part does not suit the dimension, or zero is outside.
         """
-        made = _Parts(faces, values)
-        limits = list(made.limits())
+        parts = _Parts(faces, values)
+        limits = list(parts.limits())
         table = np.concatenate([rows for rows, _ in limits], axis=1)
         if faces.dimension == 3 and not table[:, :, [1, 2, 5]].any():
             table = table[:, :, [0, 3, 4]]
-        return FaceRows(table, np.concatenate([sides for _, sides in limits], axis=1), tuple(made.gauges))
+        return FaceRows(table, np.concatenate([sides for _, sides in limits], axis=1), tuple(parts.gauges))
 
 
 class _Parts:
@@ -264,21 +264,23 @@ class _Parts:
     def _points(self, entries: Sequence[Point], part: str) -> Floats:
         """Return resultants (p, q) of entries, each followed by those with the other signs of `symmetric`."""
         allowed = {*self.names, "most"}
-        for number, one in enumerate(entries):
-            odd = next((name for name in sorted(one.model_fields_set) if name not in allowed), None)
-            if odd is not None:
+        for number, point in enumerate(entries):
+            unknown = next((name for name in sorted(point.model_fields_set) if name not in allowed), None)
+            if unknown is not None:
                 names = ", ".join(self.names)
-                raise InputError(f".{part}[{number}].{odd}", f"a {self.faces.dimension}D scene has none", names)
-        odd = next((name for name in self.keys.symmetric if name not in self.names), None)
-        if odd is not None:
-            raise InputError(".symmetric", f"a {self.faces.dimension}D scene has no {odd}", ", ".join(self.names[1:]))
+                raise InputError(f".{part}[{number}].{unknown}", f"a {self.faces.dimension}D scene has none", names)
+        unknown = next((name for name in self.keys.symmetric if name not in self.names), None)
+        if unknown is not None:
+            raise InputError(
+                ".symmetric", f"a {self.faces.dimension}D scene has no {unknown}", ", ".join(self.names[1:])
+            )
         table = np.array([[getattr(entry, name) for name in self.names] for entry in entries]).reshape(
             -1, len(self.names)
         )
         for name in dict.fromkeys(self.keys.symmetric):
-            other = np.repeat(table, 2, axis=0)
-            other[1::2, self.names.index(name)] *= -1.0
-            table = other
+            mirrored = np.repeat(table, 2, axis=0)
+            mirrored[1::2, self.names.index(name)] *= -1.0
+            table = mirrored
         return table
 
     def _polytope(self, vertices: Floats, rays: Floats) -> Limits:
@@ -332,41 +334,32 @@ class _Parts:
         capacity = cone.capacity * self.keys.reference_strength
         self.gauges.append(Gauge(shear, cone.torsion, capacity, cone.friction))
 
-    def _friction(self, stated: Friction) -> Iterator[Limits]:
+    def _friction(self, friction: Friction) -> Iterator[Limits]:
         """Yield rows of friction; an elliptic cone adds a gauge instead."""
-        pairs = [value if isinstance(value, list) else [value] * 2 for value in (stated.coefficients, stated.cohesion)]
+        pairs = [
+            value if isinstance(value, list) else [value] * 2 for value in (friction.coefficients, friction.cohesion)
+        ]
         (first, second), (cohesion_along, cohesion_across) = pairs
         isotropic = first == second and cohesion_along == cohesion_across
         if self.faces.dimension == 2:
-            if not isotropic or stated.direction is not None or stated.torsion is not None:
+            if not isotropic or friction.direction is not None or friction.torsion is not None:
                 raise InputError(".friction", "a planar joint slides one way", "one coefficient, and one cohesion")
             yield self._same(
                 np.array([[first, 1.0, 0.0], [first, -1.0, 0.0]]), np.array([cohesion_along, cohesion_along])
             )
             return
-        along = self._along(stated.direction, "friction")
-        turning = min(first, second) if stated.torsion is None else stated.torsion
-        if stated.cone == "product":
+        along = self._along(friction.direction, "friction")
+        turning = min(first, second) if friction.torsion is None else friction.torsion
+        if friction.cone == "product":
             across = along @ np.array([[0.0, 1.0], [-1.0, 0.0]])
             table = np.zeros((len(along), 6, 6))
             for position, (direction, mu) in enumerate(((along, first), (across, second))):
                 table[:, 2 * position : 2 * position + 2, 0] = mu
                 table[:, 2 * position, 1:3], table[:, 2 * position + 1, 1:3] = direction, -direction
             table[:, 4:, 0], table[:, 4, 5], table[:, 5, 5] = turning, 1.0, -1.0
-            yield (
-                table,
-                np.broadcast_to(
-                    [
-                        cohesion_along,
-                        cohesion_along,
-                        cohesion_across,
-                        cohesion_across,
-                        min(cohesion_along, cohesion_across),
-                        min(cohesion_along, cohesion_across),
-                    ],
-                    (len(along), 6),
-                ),
-            )
+            # two rows each of sliding along, sliding across and torsion
+            sides = np.repeat([cohesion_along, cohesion_across, min(cohesion_along, cohesion_across)], 2)
+            yield table, np.broadcast_to(sides, (len(along), 6))
             return
         if not isotropic and (
             first == 0.0 or second == 0.0 or not np.isclose(cohesion_along * second, cohesion_across * first, rtol=1e-9)
@@ -384,15 +377,14 @@ class _Parts:
 
     def _bending(self, within: str, tension: float, compression: float | None) -> Iterator[Limits]:
         """Yield the rows of N and moments at edges or in the kern."""
-        own = self.faces.bending(self.faces.edges if within == "edges" else self.faces.kern)
-        rows = own if self.faces.dimension == 2 else np.zeros((*own.shape[:2], 6))
+        edge_rows = self.faces.bending(self.faces.edges if within == "edges" else self.faces.kern)
+        rows = edge_rows if self.faces.dimension == 2 else np.zeros((*edge_rows.shape[:2], 6))
         if self.faces.dimension == 3:
-            rows[:, :, [0, 3, 4]] = own
-        stands = np.any(own != 0.0, axis=2)
+            rows[:, :, [0, 3, 4]] = edge_rows
+        stands = np.any(edge_rows != 0.0, axis=2)
         yield rows, np.where(stands, tension, 0.0)
         if compression is not None:
-            mirrored = -rows
-            yield mirrored, np.where(stands, compression, 0.0)
+            yield -rows, np.where(stands, compression, 0.0)
 
     def _section(self) -> Iterator[Limits]:
         """Yield the rows of a cross-section; its shear strength acts on its area."""

@@ -60,8 +60,10 @@ def _tilts(assembly: Assembly) -> bool:
 
 def _angle(assembly: Assembly, labels: Bits, model: Model) -> Bracket:
     """Return the bracket of a layout, of load cases that tilt the least one."""
-    found = solve(assembly, labels, model)
-    ends = [one.facts["tilt_bracket"] for one in (found, *found.cases.values()) if "tilt_bracket" in one.facts]
+    result = solve(assembly, labels, model)
+    ends = [
+        solved.facts["tilt_bracket"] for solved in (result, *result.cases.values()) if "tilt_bracket" in solved.facts
+    ]
     low, high = zip(*ends, strict=True)
     return tuple(math.nan if None in end else min(end) for end in (low, high))  # type: ignore[return-value]
 
@@ -109,7 +111,7 @@ class Tilting(Step):
         dict
             Angle and bracket of the layout that tilts furthest, its labelling, and what none is proven to pass.
         """
-        return self._found(done, context)[0]
+        return self._entries_and_angles(done, context)[0]
 
     def run(self, done: Exploration, context: StepContext) -> Exploration:
         """Return the search with angles, if its scene is tilted.
@@ -128,12 +130,12 @@ class Tilting(Step):
         """
         if not _tilts(done.assembly) or isinstance(done.scene.cracks, cracks.FieldCracks):
             return done
-        entries, angles = self._found(done, context)
+        entries, angles = self._entries_and_angles(done, context)
         ends = [angles.get(text, (math.nan, math.nan)) for text in done.results["labelling"]]
         low, high = np.array(ends).reshape(-1, 2).T
         return with_entries(done, entries, {"tilt_angle": 0.5 * (low + high), "tilt_lo": low, "tilt_hi": high})
 
-    def _found(self, done: Exploration, context: StepContext) -> tuple[dict[str, Any], dict[str, Bracket]]:
+    def _entries_and_angles(self, done: Exploration, context: StepContext) -> tuple[dict[str, Any], dict[str, Bracket]]:
         """Return facts of the layout that tilts furthest, and the angle of each."""
         rows, model, angles = done.results.head(_BEST), context.settings.model, dict[str, Bracket]()
         for text, status in zip(rows["labelling"], rows["status"], strict=True):
@@ -163,13 +165,13 @@ def _bound(done: Exploration, context: StepContext, angles: dict[str, Bracket]) 
         if not high < 180.0:
             return None
         seconds = min(_SECONDS, context.deadline.remaining())
-        own = ExploreSettings(seconds=seconds, pictures=False, check_fields=0, jobs=settings.jobs)
-        own = replace(own, model=settings.model, robust=settings.robust)
-        found = explore(turned(scene, high + _BEYOND), settings=own)
-        rows = found.results
+        search = ExploreSettings(seconds=seconds, pictures=False, check_fields=0, jobs=settings.jobs)
+        search = replace(search, model=settings.model, robust=settings.robust)
+        exploration = explore(turned(scene, high + _BEYOND), settings=search)
+        rows = exploration.results
         standing = rows.loc[rows["status"].isin(_CARRY) & rows["stands_at_zero"].ne(False), "labelling"]
         if standing.empty:
-            return high + _BEYOND if found.summary.proven else None
+            return high + _BEYOND if exploration.summary.proven else None
         text = str(standing.iloc[0])
         if text in angles:
             return None

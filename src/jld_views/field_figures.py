@@ -55,9 +55,9 @@ class AveragedStresses:
         column, row = np.round((points - self.origin) / self.spacing).astype(np.int64).T
         rows, columns = self.inside.shape
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        held = np.zeros(len(points), dtype=bool)
-        held[inside] = self.inside[row[inside], column[inside]]
-        return held
+        contained = np.zeros(len(points), dtype=bool)
+        contained[inside] = self.inside[row[inside], column[inside]]
+        return contained
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ def averaged(assembly: Assembly, stresses: core_bounds.Stresses) -> AveragedStre
     turned = [(i + 2 / 3, j + 2 / 3) for i in range(_PIECES - 1) for j in range(_PIECES - 1 - i)]
     total = np.zeros((*count[::-1], 4))
     flat = total.reshape(-1, 4)
-    for one, two in upright + turned:
-        weights = np.array([_PIECES - one - two, one, two]) / _PIECES
+    for first, second in upright + turned:
+        weights = np.array([_PIECES - first - second, first, second]) / _PIECES
         cell = np.round((np.einsum("k,tkd->td", weights, corners) - lower) / spacing).astype(np.int64)
         number = np.clip(cell[:, 1], 0, count[1] - 1) * count[0] + np.clip(cell[:, 0], 0, count[0] - 1)
         stress = np.einsum("k,tkc->tc", weights, values)
@@ -108,7 +108,7 @@ def principal(stress: Floats, kind: Sign) -> tuple[Floats, Floats]:
     return np.maximum(m + radius, 0.0), np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def trajectories(grid: AveragedStresses, kind: Sign, apart: float) -> list[Trajectory]:
+def trajectories(grid: AveragedStresses, kind: Sign, spacing: float) -> list[Trajectory]:
     """Trace evenly spaced trajectories of principal stress, the most stressed first."""
     rows, columns = np.nonzero(grid.inside)
     seeds = grid.origin + grid.spacing * np.column_stack([columns, rows])
@@ -116,24 +116,24 @@ def trajectories(grid: AveragedStresses, kind: Sign, apart: float) -> list[Traje
     least = FAINT * float(size.max(initial=0.0))
     if not least > 0.0:
         return []
-    taken = _Taken(grid, apart)
+    occupied = _Occupied(grid, spacing)
     lines = []
     for seed in seeds[np.argsort(-size, kind="stable")][: int((size > least).sum())]:
-        if taken.near(seed, 1.0):
+        if occupied.near(seed, 1.0):
             continue
-        halves = [_trace(grid, kind, seed, sign, least, taken) for sign in (-1.0, 1.0)]
+        halves = [_trace(grid, kind, seed, sign, least, occupied) for sign in (-1.0, 1.0)]
         points = np.concatenate([halves[0][:0:-1], halves[1]])
-        taken.add(points)
+        occupied.add(points)
         if len(points) > 3:
             lines.append(Trajectory(points, principal(grid.at(points), kind)[0]))
     return lines
 
 
-class _Taken:
+class _Occupied:
     """Points of the trajectories traced so far, in squares whose side is the distance `apart`."""
 
-    def __init__(self, grid: AveragedStresses, apart: float) -> None:
-        self._origin, self._apart = grid.origin, apart
+    def __init__(self, grid: AveragedStresses, spacing: float) -> None:
+        self._origin, self._spacing = grid.origin, spacing
         self._squares: dict[tuple[int, int], list[tuple[float, float]]] = {}
 
     def add(self, points: Floats) -> None:
@@ -144,7 +144,7 @@ class _Taken:
         """Return True if a stored point lies within `share` of the distance between trajectories."""
         x, y = float(point[0]), float(point[1])
         column, row = self._square(x, y)
-        limit = share * self._apart
+        limit = share * self._spacing
         return any(
             math.hypot(x - other[0], y - other[1]) < limit
             for i in (-1, 0, 1)
@@ -153,7 +153,7 @@ class _Taken:
         )
 
     def _square(self, x: float, y: float) -> tuple[int, int]:
-        return math.floor((x - self._origin[0]) / self._apart), math.floor((y - self._origin[1]) / self._apart)
+        return math.floor((x - self._origin[0]) / self._spacing), math.floor((y - self._origin[1]) / self._spacing)
 
 
 def _trace(
@@ -162,7 +162,7 @@ def _trace(
     seed: Floats,
     sign: float,
     least: float,
-    taken: _Taken,
+    occupied: _Occupied,
 ) -> Floats:
     """Trace a trajectory from its seed (2,) in one direction; return its points (k, 2)."""
     # The midpoint rule is used.
@@ -174,7 +174,7 @@ def _trace(
         along = direction[0] if float(direction[0] @ ahead) >= 0.0 else -direction[0]
         after = point + step * along
         closed = len(points) > 8 and float(np.hypot(*(after - seed))) < step
-        if size[0] < least or not grid.holds(after[None])[0] or taken.near(after, 0.5) or closed:
+        if size[0] < least or not grid.holds(after[None])[0] or occupied.near(after, 0.5) or closed:
             break
         points.append(after)
         point, ahead = after, along
@@ -298,10 +298,8 @@ def strain_power(velocities: core_bounds.Velocities) -> Floats:
 def _jumps(
     labels: Bits, velocities: core_bounds.Velocities, moved: Floats, top: float, faces: int
 ) -> tuple[Floats, Bools, Floats]:
-    """Compute the displaced sides of dry joints and cracks (k, 2, 2, 2.
-
-    Edge, side, end, coordinate), a mask (k,) of joints, and their largest jumps (k,). A support does not move.
-    """
+    """Return displaced sides (k, side, end, coordinate) of dry joints and cracks, a mask of joints, largest jumps."""
+    # A support does not move.
     mesh, e = velocities.mesh, velocities.mesh.sides
     face = np.where(e.tag < faces, e.tag, -1)
     rows = np.flatnonzero((e.b >= 0) | (face >= 0))

@@ -240,13 +240,13 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
     drawn = paint(ax, assembly, labels, tints_of(assembly, labels), LineStyle(ink.colours, 0.8 * ink.widths), move)
     drawn["rest"] = draw_rest(ax, assembly)
     draw_members(ax, assembly, drawn, move=move)
-    kinds, places = quantities.movements(result)
+    kinds, positions = quantities.movements(result)
     size = float(np.clip(0.13 * element_points(ax, assembly), 2.0, 6.0))
     for kind, style in notes.MOVES.items():
         chosen = [k for k, title in enumerate(kinds) if title is kind]
         if chosen:
             faces = assembly.interfaces
-            sides = [[move(int(side[k]), places[[k]])[0] for k in chosen] for side in (faces.a, faces.b)]
+            sides = [[move(int(side[k]), positions[[k]])[0] for k in chosen] for side in (faces.a, faces.b)]
             look = {**style, "linestyle": "none", "markersize": size, "markeredgewidth": 0.13 * size}
             drawn[str(kind)] = [*ax.plot(*projection(np.mean(sides, axis=0)).T, label=str(kind), zorder=4.0, **look)]
     notes.frame(ax, assembly, [*extent(assembly, projection), *extent(assembly, projection, fully)])

@@ -336,8 +336,8 @@ def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
         if name in texts:
             return
         text = asset(name)
-        for _, wanted in (*_IMPORT.findall(text), *_STAR.findall(text)):
-            visit(instead.get(wanted, wanted), (*above, name))
+        for _, imported in (*_IMPORT.findall(text), *_STAR.findall(text)):
+            visit(instead.get(imported, imported), (*above, name))
         texts[name] = _scoped(name, text, instead, last=name == entry)
 
     visit(entry, ())

@@ -405,10 +405,11 @@ def _squares(ax: Axes, rows: pd.DataFrame, points: Floats, sure: Bools, scale: N
     """Draw each pair of counts as a square with its best λ; points: (k, 3) counts and λ on the front."""
     first, second, value = rows.columns
     on_front = {(x, y): (v, sure_value) for (x, y, v), sure_value in zip(points, sure, strict=True)}
+    # (k, 3) each pair of counts with its best λ
     most = rows.groupby([first, second], as_index=False)[value].max().to_numpy(dtype=float)
-    for x, y, found in most.tolist():
+    for x, y, best_load in most.tolist():
         at = x, y
-        v, sure_value = on_front.get(at, (found, False))
+        v, sure_value = on_front.get(at, (best_load, False))
         inside = at in on_front
         style: dict[str, Any] = {
             "facecolor": STRENGTH(scale(v)),

@@ -49,8 +49,8 @@ def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
     colour: dict[int, int] = {}
     used = [0] * available
     for k in sorted(neighbours.keys() - grounded, key=lambda k: (-len(neighbours[k]), k)):
-        taken = {colour[j] for j in neighbours[k] if j in colour}
-        choice = min(range(available), key=lambda c: (c in taken, used[c], c))
+        neighbour_colours = {colour[j] for j in neighbours[k] if j in colour}
+        choice = min(range(available), key=lambda c: (c in neighbour_colours, used[c], c))
         colour[k] = choice
         used[choice] += 1
     return np.array([-1 if s else colour[int(k)] for k, s in zip(block, support, strict=True)], dtype=np.int64)

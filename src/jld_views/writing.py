@@ -130,7 +130,12 @@ def _seen_places(assembly: Assembly, blocks: Sequence[Sequence[int]]) -> list[Fl
         hidden = shapely.union_all([hidden, *outlines])
     points: list[Floats | None] = []
     for visible in parts:
-        pieces = [one for part in visible for one in shapely.get_parts(part) if one.geom_type == "Polygon" and one.area]
+        pieces = [
+            polygon
+            for part in visible
+            for polygon in shapely.get_parts(part)
+            if polygon.geom_type == "Polygon" and polygon.area
+        ]
         radii = [shapely.maximum_inscribed_circle(piece, tolerance=0.02 * np.sqrt(piece.area)) for piece in pieces]
         best = max(radii, key=shapely.length, default=None)
         wide = best is not None and shapely.length(best) > _LEAST_SEEN * assembly.size
@@ -146,12 +151,12 @@ def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
     if forces is None:
         return []
     size = np.linalg.norm(quantities.face_vectors(assembly, forces), axis=1)
-    places = projection_of(assembly)(quantities.pressure_points(assembly, forces)[0])
+    positions = projection_of(assembly)(quantities.pressure_points(assembly, forces)[0])
     visible = size > quantities.SMALL * size.max(initial=0.0)
     points = float(np.clip(0.13 * element_points(ax, assembly), 3.0, 7.0))
     return [
         _text(ax, point, f" {value:.3g}", va="bottom", color=PRESS, fontsize=points)
-        for point, value in zip(places[visible], size[visible], strict=True)
+        for point, value in zip(positions[visible], size[visible], strict=True)
     ]
 
 

@@ -444,7 +444,7 @@ def test_a_damaged_summary_does_not_hide_other_searches(tmp_path: Path) -> None:
         results.mkdir(parents=True)
         (results.parent / "order.json").write_text(json.dumps({"kind": "explore", "orders": {}, "done": True}))
         (results / "summary.json").write_text('{"best": 1.5}' if number == 1 else '{"best":')
-    one, two = (job.told() for job in Jobs(tmp_path).listed())
+    one, two = (job.facts() for job in Jobs(tmp_path).listed())
     assert (one["summary"]["best"], one["error"]) == (1.5, "")
     assert "summary.json: it is damaged" in two["error"]
 

@@ -37,6 +37,7 @@ def _guard(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _import_command(name: str) -> Any:
+    """Return a command of jld or of a plug-in by its name, None for an unknown one."""
     if name in _FUNCTIONS:
         module, function = _FUNCTIONS[name]
         command = getattr(import_module(f"jld_explore.cli.{module}"), function)

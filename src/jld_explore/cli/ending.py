@@ -85,13 +85,15 @@ def usage_of(message: str) -> str:
         nearest = unknown["meant"] or next(iter(get_close_matches(unknown["name"], COMMANDS, 1)), None)
         remedy = f"{nearest}, or another that" if nearest else "what"
         return f"no {unknown['kind']} is named {unknown['name']}; expected {remedy} {command} --help lists"
-    option, wish = invalid.groups()
-    wish = wish.partition(", unable to parse")[0].replace("a valid number", "a number")
-    wish = re.sub("^.* is not one of ", "one of ", wish)
-    wish = re.sub("^(greater|less) than", r"a number \1 than", wish).replace("a valid integer", "a whole number")
+    option, expected = invalid.groups()
+    expected = expected.partition(", unable to parse")[0].replace("a valid number", "a number")
+    expected = re.sub("^.* is not one of ", "one of ", expected)
+    expected = re.sub("^(greater|less) than", r"a number \1 than", expected).replace(
+        "a valid integer", "a whole number"
+    )
     values = [b for a, b in itertools.pairwise(sys.argv) if a == option]
     values += [a.partition("=")[2] for a in sys.argv if a.startswith(f"{option}=")]
-    return f"{option}: {values[0] if values else 'the value'!r} is wrong; expected {wish}"
+    return f"{option}: {values[0] if values else 'the value'!r} is wrong; expected {expected}"
 
 
 def flag_of(parameter: str) -> str:
@@ -140,6 +142,7 @@ def run(app: typer.Typer, started: float) -> NoReturn:
 
 
 def _code_of(app: typer.Typer, started: float) -> int:
+    """Run the command line; return its exit code, with one line on stderr for an error."""
     interrupt_on_signals()
     try:
         code = app(standalone_mode=False, obj=started)

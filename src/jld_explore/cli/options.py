@@ -110,6 +110,7 @@ def with_options(
 
 
 def flags_of(command: Callable[..., None]) -> dict[str, str]:
+    """Return the flag of each option of a command."""
     return {
         name: option.param_decls[0] if option.param_decls else flag_of(name)
         for name, hint in command.__annotations__.items()

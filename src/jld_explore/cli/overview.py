@@ -68,7 +68,9 @@ _EXAMPLE = """  jld new wall --length 1.2 --courses 6 -o wall.json
 
 def _additions(group: str) -> dict[str, str]:
     """Return what installed plug-ins add to a group, with the package of each."""
-    packages = {name: plugins.package(one) for name, one in plugins.entry_points(group).items() if name not in COMMANDS}
+    packages = {
+        name: plugins.package(point) for name, point in plugins.entry_points(group).items() if name not in COMMANDS
+    }
     return {name: f"of the package {package}" for name, package in packages.items()}
 
 

@@ -221,9 +221,9 @@ def _write_result(result: Result, out: Path) -> None:
     if result.cases:  # of the positions of moving loads, the one that governs is drawn
         places = {case.name: case.place for case in result.assembly.cases}
         is_drawn = [places[name] is None or name == result.governing for name in result.cases]
-        results = {f"-{k}": one for k, one in enumerate(result.cases.values(), 1) if is_drawn[k - 1]}
-    for after, one in results.items():
-        figure = views.figures.figure_of_result(one)
+        results = {f"-{k}": case_result for k, case_result in enumerate(result.cases.values(), 1) if is_drawn[k - 1]}
+    for after, case_result in results.items():
+        figure = views.figures.figure_of_result(case_result)
         for ending in ("png", "svg"):
             views.figures.save_figure(figure, out / f"result{after}.{ending}")
 

@@ -92,12 +92,12 @@ class Driver(ABC):
 
             @wraps(original)
             def tell(self: Driver, labellings: Bits, evaluations: Sequence[Evaluation] | BatchResult) -> None:
-                rows, found = np.asarray(labellings), evaluations_of(evaluations)
-                if rows.dtype != np.bool_ or rows.ndim != 2 or len(rows) != len(found):
-                    problem = f"they are of shape {rows.shape}, with {len(found)} evaluations"
+                rows, told = np.asarray(labellings), evaluations_of(evaluations)
+                if rows.dtype != np.bool_ or rows.ndim != 2 or len(rows) != len(told):
+                    problem = f"they are of shape {rows.shape}, with {len(told)} evaluations"
                     raise ParameterError("labellings", problem, "those that `ask` returned, a row for each evaluation")
                 with plugins.guarded("jld.drivers", self.name):
-                    original(self, rows, found)
+                    original(self, rows, told)
 
             setattr(cls, "tell", tell)  # noqa: B010
 

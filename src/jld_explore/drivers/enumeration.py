@@ -104,10 +104,10 @@ class Enumeration(Driver):
         # Places are the free elements in the order of decision, then the supports. The name of a block is its
         # smallest place. A block contains a free element exactly where its name is below the number of free elements.
         self._order = np.concatenate([breadth_first(space), np.flatnonzero(elements.support)])
-        place = np.argsort(self._order)
+        position = np.argsort(self._order)
         self._free = len(elements.free)
-        self._sink = int(place[space.assembly.sink]) if space.assembly.sink >= 0 else -1
-        ends = np.sort(np.column_stack([place[graph.a], place[graph.b]]), axis=1)
+        self._sink = int(position[space.assembly.sink]) if space.assembly.sink >= 0 else -1
+        ends = np.sort(np.column_stack([position[graph.a], position[graph.b]]), axis=1)
         rank = np.where(ends < self._free, ends, -1)
         rank = np.sort(rank, axis=1)
         candidates = np.flatnonzero(space.candidates)
@@ -143,8 +143,8 @@ class Enumeration(Driver):
         return True
 
     def ask(self, limit: int | None = None) -> Bits:
-        wanted = PORTION if limit is None else min(limit, PORTION)
-        while len(self._unreturned) < wanted and not self._interrupted:
+        number = PORTION if limit is None else min(limit, PORTION)
+        while len(self._unreturned) < number and not self._interrupted:
             try:
                 portion = next(self._portions, None)
             except DeadlinePassed:
@@ -159,7 +159,7 @@ class Enumeration(Driver):
                 break
         if self._interrupted and not len(self._unreturned):
             raise DeadlinePassed
-        labellings, self._unreturned = self._unreturned[:wanted], self._unreturned[wanted:]
+        labellings, self._unreturned = self._unreturned[:number], self._unreturned[number:]
         return labellings
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:

@@ -440,6 +440,7 @@ class FieldExact(ProvingDriver):
             self._add_conflicts([replace(conflict, mechanism=mechanism), *self._conflicts_of_others(mechanism)])
 
     def _conflicts_of_others(self, mechanism: Mechanism) -> list[Conflict]:
+        """Return conflicts by a mechanism with other labellings that it refutes as well."""
         rows = np.flatnonzero(self._refuted_at > self._threshold)
         count, faces = len(rows), np.flatnonzero(self.refuter.free)
         if not count:
@@ -451,7 +452,9 @@ class FieldExact(ProvingDriver):
         ).tolist()
         pairs = zip(labels, bounds, strict=True)
         return [
-            Conflict(faces, own[faces], bound, mechanism=mechanism) for own, bound in pairs if bound <= self._threshold
+            Conflict(faces, other[faces], bound, mechanism=mechanism)
+            for other, bound in pairs
+            if bound <= self._threshold
         ]
 
     def _draw(self) -> bool:

@@ -119,6 +119,7 @@ class StrongestAim:
 
 
 def _count_of_formula(space: SearchSpace) -> Count:
+    """Return the count of a front that the formula can bound; InputError for another."""
     count, front = front_count(space), space.search.front
     if front.counts:
         raise InputError(
@@ -331,6 +332,7 @@ class FieldRelaxation:
         return [self.refute(*arguments) for arguments in zip(labellings, undecided, thresholds.tolist(), strict=True)]
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
+        """Return the least upper bound over cases for partly decided labels; None without any."""
         best: DualBound | None = None
         for number, partial in enumerate(self._refuting):
             field = partial.field(labels, undecided)
@@ -342,6 +344,7 @@ class FieldRelaxation:
         return best
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
+        """Return upper bounds (k,) by mechanisms of a case for labellings (k, m), partly undecided."""
         if not 0 <= case < len(self.problems):
             raise ValueError(f"case: there is no problem {case}; expected 0 to {len(self.problems) - 1}")
         required = self.problems[case].required
@@ -619,6 +622,7 @@ def refuting_step(
 
 
 def _whole_conflict(fields: Fields, required: float, free: Bools) -> Conflict | None:
+    """Return the conflict of all free faces by the mechanism of fields; None without a finite bound."""
     if fields.velocity is None:
         return None
     mechanism = mechanism_bounds(fields.upper, fields.velocity.velocity)

@@ -133,8 +133,8 @@ def columns(assembly: Assembly) -> dict[str, Columns]:
         "reliability.csv": _RELIABILITY,
     }
     return {
-        file: {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in found.items()}
-        for file, found in files.items()
+        file: {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in columns_of_file.items()}
+        for file, columns_of_file in files.items()
     }
 
 

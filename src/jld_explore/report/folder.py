@@ -176,6 +176,7 @@ def _bracket_of_best(results: pd.DataFrame) -> list[float | None] | None:
 
 
 def _complaints(study: Study) -> list[str]:
+    """Return the sentences of warning about a finished search."""
     anew = f"{study.records.path.name} was empty: nothing had been finished, and the search began anew"
     left_out = (
         f"{study.undecided} layouts are left out: the search for an order whose stages stand stopped at its limit"

@@ -531,9 +531,9 @@ def convergence_table(records: Records | RefinedRecords) -> pd.DataFrame:
     best = np.fmax.accumulate(value) if len(value) else value
     before = np.concatenate([[np.nan], best[:-1]])
     last = np.arange(len(rows)) == len(rows) - 1
-    shown = (np.isfinite(best) & ~(best <= before)) | last
+    is_new = (np.isfinite(best) & ~(best <= before)) | last
     seconds = np.cumsum(rows["seconds"])
-    table = {"solves": np.flatnonzero(shown) + 1, "seconds": seconds[shown], "best": best[shown]}
+    table = {"solves": np.flatnonzero(is_new) + 1, "seconds": seconds[is_new], "best": best[is_new]}
     return pd.DataFrame(table)
 
 

@@ -159,6 +159,7 @@ class FieldStudy(Study):
         return BestAim()
 
     def _pool(self, labellings: Bits) -> FieldPool:
+        """Return labellings with the bounds known from records, as a pool for the race."""
         rows = self.table_records.rows
         unstable = statuses(rows) == "unstable"
         high = np.where(unstable, _UNSTABLE, rows["high"])
@@ -191,17 +192,17 @@ class FieldStudy(Study):
             gap = max((bound - low) / max(abs(bound), abs(low), 1e-300), 0.0)
         bound = bound if bound is not None and math.isfinite(bound) else None
         tied = int((results["rank"] == 1).sum())
-        alone = self._complete and bound is not None and tied == 1 and race.rivals <= 1
+        is_only = self._complete and bound is not None and tied == 1 and race.rivals <= 1
         falls = bound is not None and bound < 0.0
         ranked = results[results["status"] == str(Status.COLLAPSE)]
         fallen = ~ranked["stands_at_zero"].fillna(True).astype(bool)
         # the race compares λ alone: what falls under its dead load may have won it
-        alone &= not ranked.loc[fallen, "bracket_hi"].max() >= ranked["bracket_lo"].iloc[:1].max()
+        is_only &= not ranked.loc[fallen, "bracket_hi"].max() >= ranked["bracket_lo"].iloc[:1].max()
         return {
-            "proven": bool(alone) or falls,
+            "proven": bool(is_only) or falls,
             "bound": bound,
             "gap": gap,
-            "next": None if alone or falls else self._hint(race, gap),
+            "next": None if is_only or falls else self._hint(race, gap),
             "race": {
                 "refined": race.refined,
                 "programs": race.programs,
@@ -259,8 +260,8 @@ class FieldStudy(Study):
         done = int((high < best).sum())
         ends = (best if math.isfinite(best) else math.nan, bound if math.isfinite(bound) else math.nan)
         text = self.text_of(labellings[int(low.argmax())]) if math.isfinite(best) else ""
-        left = self.deadline.remaining()
-        self.report(Progress(done, self.total, 0, ends[0], self.elapsed, ends[1], gap, text, left))
+        remaining = self.deadline.remaining()
+        self.report(Progress(done, self.total, 0, ends[0], self.elapsed, ends[1], gap, text, remaining))
 
     def _record_bounds(self, pool: FieldPool) -> None:
         # New layouts are added to the record. If the record had evaluations before, refined bounds are kept beside

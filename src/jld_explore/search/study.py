@@ -394,8 +394,10 @@ class Study:
             total = total if budget is None else min(budget, total or budget)
             gap = relative_width(self._best, bound, self._load_scale)
             text = "" if self._best_labels is None else self.text_of(self._best_labels)
-            left = self.deadline.remaining()
-            self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound, gap, text, left))
+            remaining = self.deadline.remaining()
+            self.report(
+                Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound, gap, text, remaining)
+            )
 
     def text_of(self, labels: Bits) -> str:
         """Return the letters of a labelling (m,) of the search space, one per face of the structure."""

@@ -505,30 +505,31 @@ def _checked(count: Count) -> Count:
 
     def terms(assembly: Assembly) -> Terms:
         with plugins.guarded("jld.counts", count.name):
-            found = cast(Callable[[Assembly], Terms], count.terms)(assembly)
-        faces = getattr(found, "faces", 0)
+            stated_terms = cast(Callable[[Assembly], Terms], count.terms)(assembly)
+        faces = getattr(stated_terms, "faces", 0)
         every = np.asarray(faces)
         if faces is not None and (every.dtype.kind != "b" or every.shape != (len(assembly.interfaces),)):
             remedy = "terms that are Terms, with a truth value for each interface"
             raise plugins.refuse_type("jld.counts", count.name, remedy)
-        return found
+        return stated_terms
 
     def of(layouts: Layouts) -> Ints | Floats:
         """Return the counts of layouts; refuse wrong shapes, and sums unlike the terms."""
         with plugins.guarded("jld.counts", count.name):
-            found: Any = np.asarray(count.of(layouts))
+            counts: Any = np.asarray(count.of(layouts))
         size = (len(layouts.labellings),)
-        if found.shape != size or found.dtype.kind not in "biuf" or not np.isfinite(found).all():
+        if counts.shape != size or counts.dtype.kind not in "biuf" or not np.isfinite(counts).all():
             remedy = f"a finite number for each of {size[0]} layouts"
             raise plugins.refuse_type("jld.counts", count.name, remedy)
         if count.terms is not None and layouts.assembly.sink < 0:
             sums, terms_of_count = np.zeros(size), terms(layouts.assembly)
             sums += 0 if terms_of_count.faces is None else layouts.labellings[:, terms_of_count.faces].sum(axis=1)
             sums += (layouts.cells > 0).sum(axis=0) if terms_of_count.blocks else 0
-            if (sums != found).any():
-                problem = f"it is {found[sums != found][0]:g} where its terms add up to {sums[sums != found][0]:g}"
+            wrong = sums != counts
+            if wrong.any():
+                problem = f"it is {counts[wrong][0]:g} where its terms add up to {sums[wrong][0]:g}"
                 raise plugins.refuse_type("jld.counts", count.name, "the sum of its terms, or none stated", problem)
-        values: Ints | Floats = found.astype(int) if found.dtype == bool else found
+        values: Ints | Floats = counts.astype(int) if counts.dtype == bool else counts
         return values
 
     return replace(count, of=of, terms=count.terms and terms)

@@ -254,8 +254,8 @@ def as_words(labellings: Bits) -> Words:
 def _compare(first: Words, second: Words) -> NDArray[np.int8]:
     """Return (k,) −1, 0 or 1 if rows of the first sort before, equal to or after the second."""
     sign = np.zeros(len(first), dtype=np.int8)
-    for left, right in zip(first.T[::-1], second.T[::-1], strict=True):
-        sign = np.where(left < right, -1, np.where(left > right, 1, sign)).astype(np.int8)
+    for a, b in zip(first.T[::-1], second.T[::-1], strict=True):
+        sign = np.where(a < b, -1, np.where(a > b, 1, sign)).astype(np.int8)
     return sign
 
 

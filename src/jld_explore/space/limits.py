@@ -127,6 +127,7 @@ class Sized:
         return size
 
     def one(self, members: Iterable[int]) -> SizeOf:
+        """Return the function that sizes one block of elements by a measure."""
         rows = sorted(members)
 
         def size(measure: Measure) -> Floats:

@@ -275,13 +275,13 @@ class SearchSpace:
         """Return the part, maybe all, without slits, omitted cells and blocks of more than `cells`."""
         # blocks joined to supports are excluded too: there possible blocks can be listed more often
         faces, support = self.assembly.interfaces, self.assembly.elements.support
-        held = self.candidates & (support[faces.a] | support[faces.b])
+        at_supports = self.candidates & (support[faces.a] | support[faces.b])
         low, high = self.search.block_cells
         smaller = cells is not None and (high is None or cells < high)
-        if self.search.segmentation and not held.any() and not smaller:
+        if self.search.segmentation and not at_supports.any() and not smaller:
             return self
         search = self.search.model_copy(update={"segmentation": True, "block_cells": (low, cells if smaller else high)})
-        part = replace(self, search=search, candidates=self.candidates & ~held, fixed=self.fixed | held)
+        part = replace(self, search=search, candidates=self.candidates & ~at_supports, fixed=self.fixed | at_supports)
         # cached_property keeps its value in the dictionary of the instance
         part.__dict__["laying"] = self.laying
         return part
@@ -486,6 +486,7 @@ def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
 
 
 def _of_counts(space: SearchSpace, labels: Bits) -> list[str]:
+    """Return the violations of limits on counts, and of the order of assembly, in words."""
     limits, violations = space.limits, []
     for count, bounds in limits.on_counts:
         value = values_of(count, space.assembly, labels[None], space.graph, limits.block_shapes)[0]

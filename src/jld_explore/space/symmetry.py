@@ -70,10 +70,12 @@ def signature_of(scene: Scene, assembly: Assembly) -> Signature | None:
     if any(path[:2] == ("loads", "moving") for path in varying):
         raise Unknown("distributions of moving loads are not compared")
     elements = assembly.elements
-    placed = cases_of_scene(scene, elements)
+    scene_cases = cases_of_scene(scene, elements)
     dead = _marks(scene.loads.dead, elements)
-    if placed:
-        cases = tuple(_marks([*one.case.dead], elements) + _marks(one.case.live, elements, "live") for one in placed)
+    if scene_cases:
+        cases = tuple(
+            _marks([*placed.case.dead], elements) + _marks(placed.case.live, elements, "live") for placed in scene_cases
+        )
     else:
         cases = (_marks(scene.loads.live or [], elements, "live"),)
     weights: list[Tag] = [() for _ in range(len(elements))]
@@ -470,13 +472,13 @@ def _image_of_members(
     return image
 
 
-def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: float) -> Ints | None:
-    """Return the point (n,) of the wanted kind within `reach` of each moved point, or None."""
+def _nearest(moved: Floats, points: Floats, moved_kind: Ints, kind: Ints, reach: float) -> Ints | None:
+    """Return the point (n,) of equal kind within `reach` of each moved point; None unless every one has its own."""
     if not len(points):
         return np.zeros(0, dtype=np.int64)
     # An additional coordinate separates kinds by more than the distance of any two points.
     gap = 4.0 * max(float(np.ptp(points, axis=0).max()), reach)
-    sources, targets = (np.column_stack([points, gap * kind]), np.column_stack([moved, gap * kind_to]))
+    sources, targets = (np.column_stack([points, gap * kind]), np.column_stack([moved, gap * moved_kind]))
     if len(points) <= _FEW:
         distances = np.linalg.norm(targets[:, None] - sources[None], axis=2)
         to, distance = distances.argmin(axis=1), distances.min(axis=1)

@@ -119,13 +119,13 @@ def steps_of(settings: ExploreSettings, scene: Scene, assembly: Assembly, own: I
             raise plugins.refuse_type("jld.steps", name, "another name: every summary has an entry of this one")
         with plugins.guarded("jld.steps", name):
             steps.append(kind())
-    wanted = []
+    active = []
     for step in steps:
         with plugins.guarded("jld.steps", getattr(step, "name", "")):
             if step.wanted(settings):
                 step.refuse(scene, assembly, settings)
-                wanted.append(step)
-    return wanted
+                active.append(step)
+    return active
 
 
 def run_steps(done: Exploration, steps: Iterable[Step], context: StepContext) -> Exploration:

@@ -94,6 +94,7 @@ def write(path: Path, claim: Claim, reasons: Iterable[Reason]) -> None:
 
 
 def _line(reason: Reason) -> dict[str, Any]:
+    """Return a reason or lemma as a line of the certificate."""
     if isinstance(reason, Mechanism):
         moves = {str(element): velocity for element, velocity in reason.moves.items()}
         return {"dry": reason.dry, "inner": reason.inner, "case": reason.case, "digits": reason.digits, "moves": moves}

@@ -176,6 +176,7 @@ class Balances:
         return self._planar_cost(face, jump, dry) if self._planar else self._spatial_cost(face, jump, dry)
 
     def _jump(self, face: int, moves: Moves) -> list[int]:
+        """Return the relative velocity of a face under integer moves of elements."""
         jump = [0] * self.assembly.freedoms
         for element, sign, rows in self._sides[face]:
             velocity = moves.get(element)

@@ -143,7 +143,7 @@ def verdict(work: Design) -> str:
     anywhere = winner.fields != UNPROVEN
     low, high = winner.fields if anywhere else winner.faces
     model = "wherever they crack" if anywhere else "by the faces drawn; cracks elsewhere are not bounded"
-    drawn = (
+    diagram = (
         "" if not anywhere or math.isnan(winner.load_factor) else f" By the faces drawn it is {winner.load_factor:.4g}."
     )
     if not math.isfinite(low):
@@ -155,7 +155,7 @@ def verdict(work: Design) -> str:
         text = f"{subject} at least {low:.4g} times {load} {model}{ending}."
         if low < 1.0:
             text += " That is less than the load itself." if high < 1.0 else " That the load is carried is not proven."
-    text += drawn
+    text += diagram
     rivals = rivals_of(work)
     if rivals:
         at_most = (
@@ -266,6 +266,7 @@ def _loads(work: Design) -> str:
 
 
 def _tried(work: Design) -> list[dict[str, str]]:
+    """Return one table row for each tessellation, with its bounds."""
     rows = []
     for tessellation in work.tessellations:
         its_trials = [trial for trial in work.trials if trial.tessellation == tessellation.name]
@@ -331,8 +332,8 @@ def _blocks(winner: Trial) -> list[dict[str, str]]:
     layout = Layout(winner.scene, assembly, assembly.labels)
     mass = "mass, kg" if assembly.units == ("m", "N") else "mass, weight over gravity"
     return [
-        {"stone": str(number), "shape": str(one.shape), mass: f"{one.mass:.4g}", "cells": str(one.cells)}
-        for number, one in enumerate((block for block in layout.blocks if block.cells), 1)
+        {"stone": str(number), "shape": str(block.shape), mass: f"{block.mass:.4g}", "cells": str(block.cells)}
+        for number, block in enumerate((candidate for candidate in layout.blocks if candidate.cells), 1)
     ]
 
 

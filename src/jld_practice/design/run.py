@@ -97,7 +97,9 @@ def _first_tasks(work: Design) -> list[Task]:
         tessellation.name: tessellation.scene for tessellation in work.tessellations if tessellation.scene is not None
     }
     tasks: list[Task] = []
-    ranked = sorted((one for one in work.ranked if one.kind == "searched"), key=lambda one: -one.upper_estimate)
+    ranked = sorted(
+        (entry for entry in work.ranked if entry.kind == "searched"), key=lambda entry: -entry.upper_estimate
+    )
     for number in range(LAYOUTS):
         for trial in ranked:
             layouts = work.layouts.get(trial.tessellation, [])
@@ -399,10 +401,11 @@ def _search_all(work: Design, until: Deadline, say: Say) -> None:
                 _keep(work, tessellation, stop.done, 0.0)
             raise
         best = [trial for trial in work.trials if trial.tessellation == tessellation.name and trial.kind == "searched"]
-        say(f"{tessellation.name:<12} " + (_said(best[-1]) if best else work.search_words[tessellation.name]))
+        say(f"{tessellation.name:<12} " + (_words_of_trial(best[-1]) if best else work.search_words[tessellation.name]))
 
 
 def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
+    """Search one tessellation, and keep its best layouts in the design."""
     if tessellation.scene is None:
         raise ValueError("a tessellation without a scene is not searched")
     options = work.options
@@ -427,12 +430,12 @@ def _keep(work: Design, tessellation: Tessellation, exploration: Exploration, se
     labels = from_string(str(table.iloc[0]["labelling"]))
     work.layouts[tessellation.name] = best_labels(exploration, LAYOUTS)
     # the search has faces crush, the scene of the tessellation may not
-    stated = tessellation.scene if tessellation.scene is not None else exploration.scene
-    scene = labelled(stated, exploration.assembly, labels)
+    original = tessellation.scene if tessellation.scene is not None else exploration.scene
+    scene = labelled(original, exploration.assembly, labels)
     _add(work, tessellation, scene, None if seconds > 0.0 else UNPROVEN, seconds)
 
 
-def _said(trial: Trial) -> str:
+def _words_of_trial(trial: Trial) -> str:
     """Describe λ by faces and by fields, for the terminal."""
     low, high = trial.fields
     bracket = f"at most {high:.4g}" if math.isinf(low) else f"{low:.4g} to {high:.4g}"
@@ -463,15 +466,15 @@ def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
     with Pool(jobs) as pool:
         for wave in range(_WAVES):
             proven = work.winner.proven if work.winner is not None else -math.inf
-            open_trials = [one for one in work.ranked if one.scene.dimension == 2 and one.fields[1] > proven]
+            open_trials = [entry for entry in work.ranked if entry.scene.dimension == 2 and entry.fields[1] > proven]
             # the winner, and what may carry most
             promising = (
-                open_trials[:1] + sorted(open_trials[1:], key=lambda one: -one.upper_estimate)[: max(1, jobs) - 1]
+                open_trials[:1] + sorted(open_trials[1:], key=lambda entry: -entry.upper_estimate)[: max(1, jobs) - 1]
             )
             seconds = deadline.remaining() / (_WAVES - wave)
             if seconds < 1.0 or not promising:
                 return
-            bounds = pool.run(refined_bounds, [(one.scene, _REFINED * seconds) for one in promising])
+            bounds = pool.run(refined_bounds, [(entry.scene, _REFINED * seconds) for entry in promising])
             for refined, (low, high) in zip(promising, bounds, strict=True):
                 low, high = max(low, refined.fields[0]), min(high, refined.fields[1])
                 better = replace(refined, fields=(low, high))

@@ -344,15 +344,15 @@ def with_crushing(scene: Scene, share: float = 1.0) -> Scene:
     document = scene.model_dump(mode="json", exclude_defaults=True)
     for name in ("dry", "inner"):
         material: dict[str, Any] = document["materials"].setdefault(name, {})
-        given = material.get("compressive_strength")
-        low = given.get("nominal", strength) if isinstance(given, dict) else given
+        own_strength = material.get("compressive_strength")
+        low = own_strength.get("nominal", strength) if isinstance(own_strength, dict) else own_strength
         material["compressive_strength"] = strength if low is None else min(strength, float(low))
     return parse_scene(document, scene.name)
 
 
-def with_materials_of(scene: Scene, stated: Scene) -> Scene:
+def with_materials_of(scene: Scene, source: Scene) -> Scene:
     document = scene.model_dump(mode="json", exclude_defaults=True)
-    document["materials"] = stated.model_dump(mode="json", exclude_defaults=True)["materials"]
+    document["materials"] = source.model_dump(mode="json", exclude_defaults=True)["materials"]
     return parse_scene(document, scene.name)
 
 
@@ -386,14 +386,14 @@ def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> Trian
 def _refine_bounds(assembly: Assembly, until: Deadline | None) -> bounds.FieldBounds:
     """Return the bounds by fields of a structure under one load case, with their stresses."""
     refinement = bounds.FieldRefinement(assembly, assembly.labels, lower_first=True)
-    found = refinement.step()
+    refined = refinement.step()
     while (
         not refinement.ended
         and refinement.simplices <= _CRUSHING_TRIANGLES
         and not (until is not None and until.passed())
     ):
-        found = refinement.step(False)
-    return found
+        refined = refinement.step(False)
+    return refined
 
 
 _CELLS: Final = 45  # number of cells that a tessellation is to have: its search and its moves take seconds, not minutes
@@ -436,7 +436,11 @@ def tessellations(
     made_so_far: list[Tessellation] = []
     for name, words, make in kinds:
         late = bool(made_so_far) and until is not None and until.passed()
-        cut = Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
+        cut = (
+            Tessellation(name, words, None, "no time was left")
+            if late
+            else _cut_to_mass(name, words, make, options, side)
+        )
         alike = [
             tessellation.name
             for tessellation in made_so_far
@@ -455,7 +459,7 @@ def tessellations(
 _Make = Callable[[float], Scene]  # function that cuts an outline with cells of a relative size, 1 at first
 
 
-def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floats) -> Tessellation:
+def _cut_to_mass(name: str, words: str, make: _Make, options: DesignOptions, side: Floats) -> Tessellation:
     """Cut an outline with ever smaller cells until none exceeds the largest block mass, or say why not."""
     size, problem = 1.0, ""
     for _ in range(_TRIES):

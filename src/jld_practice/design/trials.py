@@ -91,9 +91,9 @@ def screen(scene: Scene, seed: int, seconds: float, deadline: Deadline) -> Scree
                 else -1.0
                 for evaluation in evaluations
             ]
-            place = int(np.argmax(values))
-            if values[place] >= 0.0 and values[place] > load_factor:
-                best, load_factor = rows[place], values[place]
+            strongest = int(np.argmax(values))
+            if values[strongest] >= 0.0 and values[strongest] > load_factor:
+                best, load_factor = rows[strongest], values[strongest]
     return Screening(assembly, best, load_factor, count, _search_seconds(assembly))
 
 
@@ -282,6 +282,7 @@ _LEAST_EXPERIMENT: Final = 4.0  # shortest time in which a virtual experiment ma
 
 
 def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> list[Check]:
+    """Run the checks of the best layout, and report each at once."""
     checks = [_timed(work, "laying", _laid, until.within(_SHARES["laying"] * until.remaining()))]
     say(f"check        {checks[0].words}")
     # the experiment has a process of its own, beside which bounds by fields are refined

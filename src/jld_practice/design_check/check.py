@@ -182,6 +182,7 @@ def combinations_of(assembly: Assembly, factors: scene_design.PartialFactors) ->
 
 
 def at_design_loads(assembly: Assembly, factors: scene_design.PartialFactors, combination: Combination) -> Assembly:
+    """Return the assembly under a combination of loads with its partial factors."""
     chosen = combination.factors(factors)
 
     def dead_of(dead: Loads) -> Loads:
@@ -260,10 +261,10 @@ def assess_all(count: int, seconds: float, assess: Assess, least: Callable[[int]
         refined, share_of_time = sorted((case for case in verdicts if verdicts[case] is None), key=least), 1.0
     for case in refined:
         for gap in FINER:
-            left = end - time.perf_counter()
-            if left <= 0.0:
+            seconds_left = end - time.perf_counter()
+            if seconds_left <= 0.0:
                 return
-            verdict = assess(case, gap, min(left, share_of_time * seconds))
+            verdict = assess(case, gap, min(seconds_left, share_of_time * seconds))
             if verdict is True or (verdict is False and not refuted):
                 break
         if verdict is False:
@@ -744,8 +745,9 @@ def _worst(cases: tuple[CaseCheck, ...]) -> CaseCheck:
             break
     else:
         group = list(cases)
-    least = max(one.range[0] for one in group)
-    return next(one for one in group if one.range[1] >= least * (1.0 - tolerances.GAP))  # of those alike the first
+    least = max(assessment.range[0] for assessment in group)
+    # of those alike the first
+    return next(assessment for assessment in group if assessment.range[1] >= least * (1.0 - tolerances.GAP))
 
 
 def _of_case(solution: Solution, case: CaseCheck) -> LimitAnalysisResult | None:

@@ -293,6 +293,7 @@ def content_of(check: DesignCheck, language: str = "en") -> Content:
 
 
 def _result(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
+    """Return the sentences of the verdict."""
     worst = check.governing
     low, high = worst.range
     if worst.verified is None:

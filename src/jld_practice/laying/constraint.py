@@ -119,7 +119,7 @@ class SequenceConstraint:
         self.assembly, self.wish, self.group = assembly, wish, group
         self.bodies = Bodies(assembly, sideways)
         self._parts = Parts(assembly)
-        self._known: dict[bytes, Lock | None] = {}
+        self._locks: dict[bytes, Lock | None] = {}
         self.locks: list[Lock] = []
         faces = assembly.interfaces
         # an inner face to a support makes the elements behind it part of the ground
@@ -135,17 +135,17 @@ class SequenceConstraint:
     @property
     def refused(self) -> int:
         """Number of labellings found without a sequence."""
-        return sum(lock is not None for lock in self._known.values())
+        return sum(lock is not None for lock in self._locks.values())
 
     @property
     def undecided(self) -> int:
         """Number of refused labellings for which an unlimited search might find a sequence."""
-        return sum(lock is not None and not lock.proven for lock in self._known.values())
+        return sum(lock is not None and not lock.proven for lock in self._locks.values())
 
     def farthest(self) -> Laying | None:
         """Return the order of a refused labelling with the largest share of standing steps, or None."""
         # Up to eight labellings are compared, the first to be refused.
-        refused = [key for key, lock in self._known.items() if lock is not None][:_COMPARED]
+        refused = [key for key, lock in self._locks.items() if lock is not None][:_COMPARED]
         best: tuple[float, Laying] | None = None
         for key in refused:
             packed = np.frombuffer(key, dtype=np.uint8)
@@ -169,10 +169,10 @@ class SequenceConstraint:
     def lock(self, labels: Bits) -> Lock | None:
         """Return the conflict that refuses labels (m,); None where they can be laid."""
         key = np.packbits(labels).tobytes()
-        if key not in self._known:
+        if key not in self._locks:
             matching = next((lock for lock in self.locks if np.array_equal(labels[lock.faces], lock.labels)), None)
-            self._known[key] = matching or self._found(labels)
-        return self._known[key]
+            self._locks[key] = matching or self._found(labels)
+        return self._locks[key]
 
     def possible(self, labellings: Bits) -> Bools:
         """Return which labellings (k, m) can be laid."""
@@ -235,7 +235,7 @@ class SequenceConstraint:
         among = np.isin(np.arange(count), members)
         start = int(elements.support.argmax())
         ground = ~elements.support & elements.support.any() & (block == block[start])
-        held = self._tree(among, a, b, labels)
+        inner = self._tree(among, a, b, labels)
         needed = self._in_the_way(labels, among, ground)
         if needed.any():
             # inner faces on the path from an obstacle to a support
@@ -247,15 +247,15 @@ class SequenceConstraint:
                 while at != start:
                     at, last = int(before[at]), at
                     path.add(between.get((at, last), between.get((last, at), -1)))
-            held = np.concatenate([held, np.array(sorted(path), dtype=np.int64)])
+            inner = np.concatenate([inner, np.array(sorted(path), dtype=np.int64)])
         around = [np.flatnonzero((block[a] == name) != (block[b] == name)) for name in np.unique(block[members])]
         if len(around) > 1:
             # The block with most faces around it needs none of them: the faces around the others separate them from it.
             around.pop(int(np.argmax([len(entry) for entry in around])))
         elif not self._may_rest:
             around = []
-        faces_found = np.concatenate([held, np.unique(np.concatenate([np.empty(0, dtype=np.int64), *around]))])
-        return Lock(faces_found, labels[faces_found], members)
+        needed_faces = np.concatenate([inner, np.unique(np.concatenate([np.empty(0, dtype=np.int64), *around]))])
+        return Lock(needed_faces, labels[needed_faces], members)
 
     def _tree(self, among: Bools, a: Ints, b: Ints, labels: Bits) -> Ints:
         """Return a spanning forest of the inner faces between elements `among` (n,), as faces.

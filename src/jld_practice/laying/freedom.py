@@ -275,9 +275,9 @@ class Arcs:
         self.assembly = assembly
         pieces, owner = [], []
         for element, shape in enumerate(assembly.elements.shape):
-            found = _convex_pieces(shape)
-            pieces += found
-            owner += [element] * len(found)
+            convex = _convex_pieces(shape)
+            pieces += convex
+            owner += [element] * len(convex)
         self.owner = np.array(owner, dtype=np.int64)
         size = max(len(piece) for piece in pieces)
         # Pad pieces to equally many corners by repeating the last one: only minima and maxima are taken over corners.
@@ -363,9 +363,9 @@ class Arcs:
         # has the directions along its contacts instead, at most 2000.
         if len(self.owner) <= _PIECES:
             every = np.concatenate([self.ends(piece) for piece in range(len(self.owner))]).ravel()
-            found = _different(every[np.isfinite(every)])
-            if len(found) <= _TURNS:
-                return found
+            turns = _different(every[np.isfinite(every)])
+            if len(turns) <= _TURNS:
+                return turns
         tangent = self.assembly.interfaces.e1
         angles = np.arctan2(tangent[:, 1], tangent[:, 0])
         return _different(np.concatenate([angles, angles + np.pi]))[:_TURNS]
@@ -528,14 +528,14 @@ class Freedom:
         if self.sideways:
             return np.array(_SIDEWAYS)
         of = self.blocks.of
-        moving, rest = of == block, there[of] & (of != block)
+        moving, fixed = of == block, there[of] & (of != block)
         if self._planar:
-            return self.bodies.arcs.way_out(moving, rest, self.bodies.up)
+            return self.bodies.arcs.way_out(moving, fixed, self.bodies.up)
         others, normals = self.blocks.contacts_of(block)
         touching = normals[there[others] & (others != block)]
         directions = self.bodies.ways_of(moving)
         directions = directions[(directions @ touching.T).max(axis=1, initial=-np.inf) <= _TURN]
-        elements, still = np.flatnonzero(moving), np.flatnonzero(rest)
+        elements, still = np.flatnonzero(moving), np.flatnonzero(fixed)
         anyone = np.zeros(len(self.bodies.solids.size), dtype=np.int64)
         swept = self.bodies.solids.swept
         free = (direction for direction in directions if not len(swept(elements, still, direction, anyone)))
@@ -547,7 +547,7 @@ class Freedom:
         It comes as blocks, ascending, and a unit direction (d,).
         """
         # in space the group must come apart afterwards; blocks of a planar wall are put together from the side
-        return next((found for found in self._groups(there, most) if self._planar or self._separable(found[0])), None)
+        return next((group for group in self._groups(there, most) if self._planar or self._separable(group[0])), None)
 
     def _groups(self, there: Bools, most: int) -> list[tuple[Ints, Floats]]:
         """Return the smallest group that must leave with each block, in each direction, smaller ones first.
@@ -557,32 +557,32 @@ class Freedom:
         blocks = self.blocks
         if not self._planar and not self._loose(there):
             return []
-        ways, table, swept = self._blocking
-        standing = np.flatnonzero(there)
-        fixed = blocks.fixed[standing]
+        directions, table, swept = self._blocking
+        present = np.flatnonzero(there)
+        fixed = blocks.fixed[present]
         groups: dict[bytes, tuple[Ints, Floats]] = {}
-        step = max(1, _CHUNK // max(1, len(standing) ** 2))
+        step = max(1, _CHUNK // max(1, len(present) ** 2))
 
         def free(numbers: Ints) -> tuple[Bools, Bools]:
             """Return what each block takes along (w, s, s) in directions (w,), and those (w, s) that leave."""
-            reach = _transitive_closure(table[numbers][:, standing][:, :, standing])
+            reach = _transitive_closure(table[numbers][:, present][:, :, present])
             return reach, (reach.sum(axis=2) <= most) & ~reach[:, :, fixed].any(axis=2)
 
-        for first in range(0, len(ways), step):
-            numbers = np.arange(first, min(first + step, len(ways)))
+        for first in range(0, len(directions), step):
+            numbers = np.arange(first, min(first + step, len(directions)))
             reach, free_pairs = free(numbers)
             # sweeps only take groups away, so they are made where contacts leave some, until all in a group are swept
             for row in np.flatnonzero(free_pairs.any(axis=1)).tolist() if not self._planar else ():
                 number = numbers[row]
-                while len(todo := standing[reach[row][free_pairs[row]].any(axis=0) & ~swept[number, standing]]):
+                while len(todo := present[reach[row][free_pairs[row]].any(axis=0) & ~swept[number, present]]):
                     for block in todo.tolist():
                         self._sweep(number, block)
-                    one, second = free(numbers[row : row + 1])
-                    reach[row], free_pairs[row] = one[0], second[0]
+                    row_reach, row_free = free(numbers[row : row + 1])
+                    reach[row], free_pairs[row] = row_reach[0], row_free[0]
             for direction_number, row in zip(*np.nonzero(free_pairs), strict=True):
-                group = standing[reach[direction_number, row]]
-                groups.setdefault(group.tobytes(), (group, ways[first + direction_number]))
-        return sorted(groups.values(), key=lambda one: (len(one[0]), one[0].tolist()))
+                group = present[reach[direction_number, row]]
+                groups.setdefault(group.tobytes(), (group, directions[first + direction_number]))
+        return sorted(groups.values(), key=lambda entry: (len(entry[0]), entry[0].tolist()))
 
     def _loose(self, there: Bools) -> bool:
         """Return whether some blocks of `there` (k,) may begin to move apart, each by a translation of its own."""
@@ -598,11 +598,11 @@ class Freedom:
             return True
         # without a support, one block is at rest: what moves, moves apart
         free = free if np.any(there & blocks.fixed) else free[1:]
-        place = np.full(len(blocks), -1)
-        place[free] = np.arange(len(free))
+        position = np.full(len(blocks), -1)
+        position[free] = np.arange(len(free))
         rows = np.zeros((len(first), len(free) + 1, 3))
-        rows[np.arange(len(first)), place[first]] += normal
-        rows[np.arange(len(first)), place[second]] -= normal
+        rows[np.arange(len(first)), position[first]] += normal
+        rows[np.arange(len(first)), position[second]] -= normal
         matrix = rows[:, :-1].reshape(len(first), -1)
         from scipy.optimize import linprog
 

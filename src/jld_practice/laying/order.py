@@ -284,7 +284,7 @@ def _disassembly(
     # `turn` are tried. The first whose remaining stage stands is taken, else the one that needs the least prop force.
     blocks = freedom.blocks
     there = np.ones(len(blocks), dtype=bool)
-    taken: list[Move] = []
+    removed: list[Move] = []
     while np.any(there & ~blocks.fixed):
         moves = _moves(freedom, there, group)
         if not moves:
@@ -298,9 +298,9 @@ def _disassembly(
             # of removals that need the same props up to rounding the first in order is taken
             pairs = zip(first, stages, strict=True)
             choice = next(m for m, stage in pairs if float(stage.props.sum()) <= least + _SAME * stage.weight)
-        taken.append(choice)
+        removed.append(choice)
         there = _without(there, choice)
-    return taken, there
+    return removed, there
 
 
 def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
@@ -343,11 +343,11 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn
     failed: set[bytes] = set()
     looked, settled = 0, True
 
-    def search(there: Bools, taken: list[Move]) -> list[Move] | None:
+    def search(there: Bools, removed: list[Move]) -> list[Move] | None:
         """Return moves that take the remaining blocks away with standing stages, or None."""
         nonlocal looked, settled
         if not np.any(there & ~blocks.fixed):
-            return taken
+            return removed
         key = np.packbits(there).tobytes()
         if key in failed:
             return None
@@ -360,7 +360,7 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn
             stands = standing.stage(remaining).stands
             settled &= stands is not None
             if stands:
-                moves = search(remaining, [*taken, move])
+                moves = search(remaining, [*removed, move])
                 if moves is not None:
                     return moves
         failed.add(key)

@@ -64,13 +64,13 @@ class Standing:
     def __init__(self, blocks: Blocks, labels: Bits, parts: Parts | None = None) -> None:
         self.blocks, self.labels = blocks, np.asarray(labels, dtype=bool)
         self.parts = Parts(blocks.assembly) if parts is None else parts
-        self._known: dict[bytes, Stage] = {}
+        self._stages: dict[bytes, Stage] = {}
 
     def stage(self, laid: Bools) -> Stage:
         """Return the stability of the stage in which blocks `laid` (k,), and the fixed ones, are laid."""
         laid = laid | self.blocks.fixed
         key = np.packbits(laid).tobytes()
-        if key not in self._known:
+        if key not in self._stages:
             parts = self.parts.of(laid[self.blocks.of], self.labels)
             props = np.zeros(len(self.blocks))
             for part in parts:
@@ -81,10 +81,10 @@ class Standing:
                 along += part.along
             weight, stations = sum(part.weight for part in parts), self.parts.stations
             if stations is None:
-                self._known[key] = Stage(props, error, weight)
+                self._stages[key] = Stage(props, error, weight)
             else:
-                self._known[key] = Stage(props, error, weight, along, stations.points)
-        return self._known[key]
+                self._stages[key] = Stage(props, error, weight, along, stations.points)
+        return self._stages[key]
 
 
 class Parts:
@@ -95,7 +95,7 @@ class Parts:
         # between them alone. They stand beside `stations` only where these cannot hold a stage, or a hundredth of the
         # force suffices.
         self.assembly, self.stations = assembly, stations
-        self._known: dict[bytes, _Part] = {}
+        self._parts: dict[bytes, _Part] = {}
 
     @property
     def places(self) -> int:
@@ -118,12 +118,13 @@ class Parts:
         return [self._part(laid & (support | (name == part)), labels) for part in np.unique(name[free])]
 
     def _part(self, laid: Bools, labels: Bits) -> _Part:
+        """Return the least props of a stage of laying, computed once."""
         faces = self.assembly.interfaces
         key = np.packbits(laid).tobytes() + np.packbits(labels[laid[faces.a] & laid[faces.b]]).tobytes()
-        if key not in self._known:
+        if key not in self._parts:
             checkpoint()
-            self._known[key] = self._least_props(laid, labels)
-        return self._known[key]
+            self._parts[key] = self._least_props(laid, labels)
+        return self._parts[key]
 
     def _least_props(self, laid: Bools, labels: Bits) -> _Part:
         """Minimise the sum of prop forces of the part of elements `laid` (n,)."""
@@ -139,7 +140,7 @@ class Parts:
         weights = np.zeros((len(free), q))
         weights[:, : assembly.dimension] = elements.weight[free]
         weight_of = (weights / template.scaling.row).ravel()
-        # select faces between laid elements and equations of laid elements; drop the column of λ
+        # rows of the limit analysis: equations of laid elements, yield rows of faces between them; without λ
         chosen = laid[faces.a] & laid[faces.b]
         pattern = template.yield_set.pattern
         equations = (q * standing[:, None] + np.arange(q)).ravel()
@@ -153,6 +154,7 @@ class Parts:
         of_yield, of_equations = matrix[yields], matrix[equations]
         used = np.flatnonzero(np.diff(of_yield.tocsc().indptr))
         used = used[used < matrix.shape[1] - 1]
+        # further columns: prop forces, at least 0, whose sum is least
         push, owner, station = self._props(standing)
         prop_count = push.shape[1]
         forces = sp.vstack([of_equations[:, used], sp.csr_array((prop_count, len(used))), of_yield[:, used]])
@@ -162,9 +164,9 @@ class Parts:
         cost = np.where(station < 0, 1.0 if self.stations is None else _ELSEWHERE, 1.0)
         objective = np.concatenate([np.zeros(len(used)), cost])
         cones = tuple(pattern.cones[k] for k in cones_kept)
-        stated = pack(rows, rhs, objective, len(equations), prop_count + len(linear), cones)
-        answer = solve_auxiliary(stated)
-        error = _error(stated, answer.point, answer.dual)
+        problem = pack(rows, rhs, objective, len(equations), prop_count + len(linear), cones)
+        answer = solve_auxiliary(problem)
+        error = _error(problem, answer.point, answer.dual)
         force = np.maximum(answer.point[len(used) :], 0.0) * template.scaling.force
         force = np.where(force > _NONE * weight / prop_count, force, 0.0)
         np.add.at(props, owner, force)
@@ -184,7 +186,7 @@ class Parts:
         up = -total / np.linalg.norm(total)
         across = np.eye(d) - np.outer(up, up)
         sides = across[np.argsort(-np.linalg.norm(across, axis=1))[: d - 1]]
-        columns, owner, place = [], [], []
+        columns, owner, positions = [], [], []
         for position, row in enumerate(standing.tolist()):
             element = int(elements.free[row])
             points, stations_of = [elements.centroid[element]], [-1]
@@ -207,8 +209,8 @@ class Parts:
                 )
                 columns.append(column)
                 owner.append(element)
-                place.append(station)
-        return np.array(columns).T, np.array(owner, dtype=np.int64), np.array(place, dtype=np.int64)
+                positions.append(station)
+        return np.array(columns).T, np.array(owner, dtype=np.int64), np.array(positions, dtype=np.int64)
 
 
 def _error(program: ConicProgram, point: Floats, dual: Floats) -> float:

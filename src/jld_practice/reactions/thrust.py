@@ -372,10 +372,10 @@ def reactions_of_supports(assembly: Assembly, names: Sequence[str] | None = None
         bearing = [index_of[name] for name in names]
     resultants: list[Resultant] = []
     for k in bearing:
-        own = np.flatnonzero((faces.a == k) | (faces.b == k))
+        own_faces = np.flatnonzero((faces.a == k) | (faces.b == k))
         title = f"support {elements.ids[k]}"
-        side = np.where(faces.a[own] == k, faces.b[own], faces.a[own])
-        resultants += _resultant(assembly, title, own, side, local=False)
+        side = np.where(faces.a[own_faces] == k, faces.b[own_faces], faces.a[own_faces])
+        resultants += _resultant(assembly, title, own_faces, side, local=False)
     return tuple(resultants)
 
 
@@ -449,10 +449,8 @@ def _resultant(assembly: Assembly, title: str, faces: Ints, side: Ints, *, local
 
 
 def _axes_of_face(assembly: Assembly, face: int, normal: Floats) -> Floats:
-    """Return the matrix (q, q) from axes of the scene to N, V, M, or N, V1, V2, M1, M2, MT, of a face.
-
-    normal: (d,) unit normal, maybe opposite to the face's own; e1 and e2 stay the face's.
-    """
+    """Return the matrix (q, q) from axes of the scene to N, V, M, or N, V1, V2, M1, M2, MT, of a face."""
+    # normal: (d,) unit normal, maybe opposite to the face's own; e1 and e2 stay the face's.
     joints, d = assembly.interfaces, assembly.dimension
     if d == 2:
         return np.array([[normal[0], normal[1], 0.0], [-normal[1], normal[0], 0.0], [0.0, 0.0, 1.0]])
@@ -462,18 +460,20 @@ def _axes_of_face(assembly: Assembly, face: int, normal: Floats) -> Floats:
     return axes
 
 
-def words_of_range(found: ResultantRange, force: str, length: str) -> str:
+def words_of_range(resultant_range: ResultantRange, force: str, length: str) -> str:
     """Describe one range in a line, such as "N  1.2 to 3.4 kN"."""
     unit = (
-        force if found.resultant.function.unit == 1.0 and found.resultant.component[0] != "M" else f"{force}·{length}"
+        force
+        if resultant_range.resultant.function.unit == 1.0 and resultant_range.resultant.component[0] != "M"
+        else f"{force}·{length}"
     )
     ends = []
-    for end, name in ((found.least, "least"), (found.most, "greatest")):
+    for end, name in ((resultant_range.least, "least"), (resultant_range.most, "greatest")):
         if math.isfinite(end.value):
             ends.append(f"{end.value:.6g}" + ("" if end.status == "certified" else " (uncertified)"))
         else:
             ends.append(f"no {name}" if end.status == "unbounded" else "uncertified")
-    return f"{found.resultant.component:<2}  {ends[0]} to {ends[1]} {unit}"
+    return f"{resultant_range.resultant.component:<2}  {ends[0]} to {ends[1]} {unit}"
 
 
 _ROUTE: Final = Route("the geometric reserve")

@@ -66,19 +66,19 @@ def thrust(
         resultants = _resultants(assembly, support, joint, section)
         names: list[str | None] = [case.name for case in assembly.cases] or [None]
         ranges = [
-            thrust_ranges(one, labels, resultants=resultants, load_factor=load_factor) for one in assembly.by_case
+            thrust_ranges(case, labels, resultants=resultants, load_factor=load_factor) for case in assembly.by_case
         ]
     facts: dict[str, Any] = {
         "name": scene.name,
         "units": dict(zip(("length", "force"), assembly.units, strict=True)),
-        "cases": [{"case": name, **one.to_json()} for name, one in zip(names, ranges, strict=True)],
+        "cases": [{"case": name, **of_case.to_json()} for name, of_case in zip(names, ranges, strict=True)],
     }
     if len(ranges) == 1:
         facts |= ranges[0].to_json()
     if out is not None:
         _write(ranges, json.dumps(facts, indent=1), out)
     streams.say(json.dumps(facts, indent=1) if as_json else "\n\n".join(map(_words, ranges)))
-    if any("uncertified" in (part.least.status, part.most.status) for one in ranges for part in one.ranges):
+    if any("uncertified" in (part.least.status, part.most.status) for of_case in ranges for part in of_case.ranges):
         raise typer.Exit(ending.UNCERTIFIED)
 
 

@@ -687,6 +687,7 @@ def analyse(structure: RandomStructure, labels: Bits, options: ReliabilityOption
 
 
 def estimate(function: LimitFunction, variables: Variables, options: ReliabilityOptions) -> Reliability:
+    """Estimate the probability of failure, by samples weighed at the design points."""
     # where failures are rare other design points are searched for, and what they leave unseen counts at the upper end
     samples, seed, jobs = options.samples, options.seed, options.jobs
     form = design_point(function)

@@ -164,9 +164,9 @@ class RandomStructure:
         maps: list[tuple[Ints, Floats, Floats] | None] = []
         for growths in self.growths:
             plain = [growth for growth in growths if len(growth.variables) == 1]
-            rows = np.array([one.variables[0] for one in plain], dtype=np.int64)
-            parts = [np.array([getattr(one, name).ravel() for one in plain]) for name in ("dead", "live")]
-            maps.append((rows, parts[0], parts[1]) if plain else None)
+            rows = np.array([growth.variables[0] for growth in plain], dtype=np.int64)
+            dead, live = (np.array([getattr(growth, name).ravel() for growth in plain]) for name in ("dead", "live"))
+            maps.append((rows, dead, live) if plain else None)
         return maps
 
     def at(self, values: Floats, case: int) -> Assembly:
@@ -215,11 +215,13 @@ class _Measurement:
     """Measure how the assembly of a scene depends on its values with uncertainty."""
 
     def __init__(
-        self, scene: Scene, found: list[tuple[uncertain.Path, uncertain.Uncertain | uncertain.UncertainVector]]
+        self,
+        scene: Scene,
+        uncertain_values: list[tuple[uncertain.Path, uncertain.Uncertain | uncertain.UncertainVector]],
     ) -> None:
-        self.found = found
+        self.uncertain_values = uncertain_values
         self.document = scene.model_dump(mode="json", exclude_defaults=True)
-        for path, value in found:
+        for path, value in uncertain_values:
             _put(self.document, path, list(value) if isinstance(value, uncertain.UncertainVector) else float(value))
         self.plain = parse_scene(self.document)
         self.geometry = build_geometry(self.plain)
@@ -230,7 +232,7 @@ class _Measurement:
         self.growths: list[list[Growth]] = [[] for _ in self.base.by_case]
 
     def structure(self) -> RandomStructure:
-        variables_of = [self._add(path, value) for path, value in self.found]
+        variables_of = [self._add(path, value) for path, value in self.uncertain_values]
         self._add_products(variables_of)
         mean = np.array([float(size) for size in self.sizes])
         variables = Variables(
@@ -247,7 +249,7 @@ class _Measurement:
         document = _copy(self.document)
         fresh = False
         for position, factor in changes:
-            path, value = self.found[position]
+            path, value = self.uncertain_values[position]
             if isinstance(value, uncertain.UncertainVector):
                 _put(document, path, [factor * component for component in value])
             else:
@@ -258,7 +260,7 @@ class _Measurement:
 
     def _add(self, path: uncertain.Path, value: uncertain.Uncertain | uncertain.UncertainVector) -> list[int]:
         """Add the variables of one value of the scene, and return their positions."""
-        position = [owner for owner, _ in self.found].index(path)
+        position = [owner for owner, _ in self.uncertain_values].index(path)
         size = value.size if isinstance(value, uncertain.UncertainVector) else value
         step = _STEP
         try:
@@ -318,6 +320,7 @@ class _Measurement:
         rates: list[tuple[Floats, Floats]],
     ) -> Ints | None:
         """Return the faces or elements with variables of their own; None for one shared variable."""
+        # faces: strength, mask (m,), growth of each; rates: growth of dead and live loads (n, q) of each case
         loaded = np.any([np.any(load, axis=1) for pair in rates for load in pair], axis=0)
         if faces and loaded.any():
             raise _unknown(path)
@@ -347,8 +350,8 @@ class _Measurement:
 
     def _add_products(self, variables_of: list[list[int]]) -> None:
         """Add the loads that grow with products of two values: body loads, by weights."""
-        weights = [k for k, (path, _) in enumerate(self.found) if path[-1] in ("density", "weight")]
-        bodies = [k for k, (path, _) in enumerate(self.found) if "body" in path]
+        weights = [k for k, (path, _) in enumerate(self.uncertain_values) if path[-1] in ("density", "weight")]
+        bodies = [k for k, (path, _) in enumerate(self.uncertain_values) if "body" in path]
         for weight, body in itertools.product(weights, bodies):
             # second difference of the loads by both values: (both + none − weight − body) / (change of both)
             more_weight, more_body = (weight, 1.0 + _STEP), (body, 1.0 + _STEP)
@@ -469,16 +472,17 @@ class SampleBounds:
 
     def _of_case(self, case: int, values: Floats, required: float | None) -> tuple[Floats, Floats]:
         """Return bounds (k,) on λ over the required one under a load case."""
-        unit, asked = self.analyses[case].analysis.template.scaling.load, float(self.structure.assembly.required[case])
+        unit = self.analyses[case].analysis.template.scaling.load
+        factor = float(self.structure.assembly.required[case])
         strengths = self.structure.strengths(values) if self.structure.varies_in_strength else None
-        enough = None if required is None else np.full(len(values), required * asked / unit)
+        enough = None if required is None else np.full(len(values), required * factor / unit)
         bounds = self.analyses[case].solve(strengths, *self.structure.loads(values, case), enough)
         low, high = bounds.low.copy(), bounds.high.copy()
         wrong = np.asarray(crossed(low, high)) | np.isnan(low) | np.isnan(high)
         low[wrong], high[wrong] = -np.inf, np.inf
         low[bounds.verdict == batch_solver.FALLS] = high[bounds.verdict == batch_solver.FALLS] = -np.inf
         low[bounds.verdict == batch_solver.LOCKED] = high[bounds.verdict == batch_solver.LOCKED] = np.inf
-        return unit / asked * low, unit / asked * high
+        return unit / factor * low, unit / factor * high
 
     def proven(self, values: Floats) -> GoverningBounds:
         """Compute bounds of single samples that the batch solver left open."""

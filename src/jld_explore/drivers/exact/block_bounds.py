@@ -55,13 +55,13 @@ class BlockBoundPool:
 
     def __init__(self, context: ProofContext, blocks: PossibleBlocks) -> None:
         # each program is solved from scratch, so that trees do not depend on threads
-        self._here = BlockSpace(context.space, blocks).relaxation(context.analyses)
+        self._relaxation = BlockSpace(context.space, blocks).relaxation(context.analyses)
         self._two_threads = False
         self._threads: ThreadPoolExecutor | None = None
 
     @property
     def solves(self) -> int:
-        return self._here.solves
+        return self._relaxation.solves
 
     def set_workers(self, jobs: int) -> None:
         """Allow a second thread if `jobs` exceeds 1 or a cluster is connected."""
@@ -75,18 +75,18 @@ class BlockBoundPool:
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
         """Solve one block relaxation of allowed blocks (p,) in this process."""
-        return self._here.bound_all([(allowed, threshold, most)])[0]
+        return self._relaxation.bound_all([(allowed, threshold, most)])[0]
 
     @property
     def batched(self) -> bool:
         """True if the batch solver solves many programs in one call."""
-        return self._here.batched
+        return self._relaxation.batched
 
     def bound_all(self, programs: Sequence[BlockRequest]) -> list[Choice]:
         """Solve block relaxations (allowed (p,), threshold, most), and return their results in order."""
-        if self._here.batched and self._two_threads and self._threads is None:
+        if self._relaxation.batched and self._two_threads and self._threads is None:
             self._threads = ThreadPoolExecutor(1)
-        return self._here.bound_all(programs, self._threads)
+        return self._relaxation.bound_all(programs, self._threads)
 
 
 # Relaxations face by face that take as long as the program takes per side of a block, times the number of faces. The

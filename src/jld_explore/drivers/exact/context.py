@@ -285,8 +285,8 @@ class ProofContext:
 
     @property
     def key(self) -> str:
-        # Recorded conflicts hold for an equal key only. The hash covers the numbers of the programs, the free faces,
-        # the symmetry group and the possible blocks.
+        """Digest of all on which conflicts depend; recorded ones hold for an equal key only."""
+        # It covers the numbers of the programs, the free faces, the symmetry group and the possible blocks.
         space = self.space
         parts = [
             space.candidates.tobytes(),

@@ -133,7 +133,9 @@ class InnerPaths:
     def tree(self, labels: Bits, start: int) -> list[int]:
         """Return inner faces of labels (m,) that join enough elements to exceed a limit on blocks."""
         limits = self._limits
-        previous = self._reach(labels, start, lambda seen: bool(limits.too_large(limits.sized.one(seen & self._free))))
+        previous = self._reach(
+            labels, start, lambda nodes: bool(limits.too_large(limits.sized.one(nodes & self._free)))
+        )
         return [face for _, face in previous.values() if face >= 0]
 
     def _reach(self, labels: Bits, start: int, reached: Callable[[set[int]], bool]) -> dict[int, tuple[int, int]]:
@@ -334,9 +336,9 @@ class Formula:
 
     def _any_of(self, literals: list[int]) -> int:
         """Return a new variable that is true exactly where one of the literals is."""
-        found = self._new()
-        self._solver.append_formula([[-found, *literals], *([found, -literal] for literal in literals)])
-        return found
+        any_literal = self._new()
+        self._solver.append_formula([[-any_literal, *literals], *([any_literal, -literal] for literal in literals)])
+        return any_literal
 
     def _can_express(self, count: Count) -> bool:
         """Return whether the formula can count this, with the blocks as they are listed."""

@@ -135,9 +135,9 @@ class _ConflictCheck:
                 conflict for conflict in conflicts if conflict.mechanism is not None and conflict.mechanism.case == case
             ]
             for part in _parts(of_case):
-                velocities = np.array([one.mechanism.velocity for one in part if one.mechanism is not None])
+                velocities = np.array([checked.mechanism.velocity for checked in part if checked.mechanism is not None])
                 bounds = self._relaxation.evaluate_mechanisms(case, velocities, *self._partial(part))
-                claimed = np.array([one.bound for one in part])
+                claimed = np.array([checked.bound for checked in part])
                 tolerance = _BOUND_TOLERANCE * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
                 for k in np.flatnonzero(~(bounds <= claimed + tolerance)).tolist():
                     problem = f"a mechanism that was to keep λ at {claimed[k]:.9g} keeps it at {bounds[k]:.9g} (scaled)"

@@ -125,6 +125,7 @@ def atom_graph(space: SearchSpace) -> AtomGraph:
     a, b = of_element[faces.a], of_element[faces.b]
     low, high = np.minimum(a, b), np.maximum(a, b)
     between = low != high
+    # pairs of atoms that a face fixed dry keeps apart, and those that a candidate may join
     apart: set[tuple[int, int]] = set()
     if space.search.segmentation:
         fixed = np.flatnonzero(between & ~space.candidates & space.fixed)
@@ -141,6 +142,7 @@ def atom_graph(space: SearchSpace) -> AtomGraph:
         if reach[atom] == reach[other]:  # atoms of different components can never be joined
             walls[atom].append(other)
             walls[other].append(atom)
+    # the straight lines in which the faces of each joint lie
     number_of = {pair: number for number, pair in enumerate(touching)}
     lines: list[list[int]] = [[] for _ in touching]
     line = _lines(space)
@@ -194,8 +196,8 @@ def _seams(a: Ints, b: Ints, counted: Bools) -> Seams:
     """Return the seams of the counted faces (m,), given the atoms a and b (m,) of each face."""
     rows = np.flatnonzero(counted & (a != b))
     pairs = np.column_stack([np.minimum(a, b)[rows], np.maximum(a, b)[rows]])
-    found, number = np.unique(pairs, axis=0, return_counts=True)
-    return [(p, q, count) for (p, q), count in zip(found.tolist(), number.tolist(), strict=True)]
+    distinct, number = np.unique(pairs, axis=0, return_counts=True)
+    return [(p, q, count) for (p, q), count in zip(distinct.tolist(), number.tolist(), strict=True)]
 
 
 def _sink(space: SearchSpace, graph: AtomGraph) -> Sink | None:

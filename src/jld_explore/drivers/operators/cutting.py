@@ -501,6 +501,7 @@ class FreeBits:
         return self._repaired(rows, rng)
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
+        """Return parents with one or more random faces flipped, made feasible."""
         rows = parents.copy()
         for row in rows:
             face = rng.pick(self._faces)
@@ -535,6 +536,7 @@ class FreeBits:
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def _repaired(self, rows: Bits, rng: BufferedRandom) -> Bits:
+        """Return rows made feasible; those that cannot be are left out."""
         inside = feasible(self.space, rows)
         if inside.all():
             return rows
