@@ -86,6 +86,16 @@ def test_the_standard_criterion_as_a_surface(seed: int) -> None:
         assert wide < 1e-7 * max(1.0, abs(np.nan_to_num(expected.load_factor)))
 
 
+def test_points_of_dry_joints_beside_a_surface_of_inner_faces() -> None:
+    """A surface that no face bears changes nothing, also where joints are points; one that a face bears is refused."""
+    within = {"within": "kern"}
+    changed = with_surface(SPATIAL, "inner", friction={"coefficients": 0.3, "cohesion": 1e3}, bending=within)
+    found, plain = (solve(one, contact="concave") for one in (changed, SPATIAL))
+    assert found.load_factor == pytest.approx(plain.load_factor, rel=1e-9)
+    with pytest.raises(InputError, match='"surface" is unknown to contact at points'):
+        solve(changed, "ddi", contact="concave")
+
+
 def test_a_surface_is_stated_in_units_and_by_pairs() -> None:
     """Faces of one pair have a surface of their own, texts have units, and rows are vertices and rays too."""
     whole = as_surfaces(PLANAR)

@@ -390,7 +390,7 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     expanded = replace(
         assembly,
         interfaces=point_faces,
-        face_strengths=assembly.face_strengths.take(parent),
+        face_strengths=replace(assembly.face_strengths, criteria=()).take(parent),  # any in use is refused above
         labels=np.where(is_point, DRY, INNER).astype(bool),
         members=assembly.members.joined(np.arange(len(assembly.elements)), parent),
     )
