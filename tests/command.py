@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -12,9 +13,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from jld_core import Scene
 from jld_explore.__main__ import main as entry
 from jld_explore.cli.command import app, main
 
@@ -37,6 +40,13 @@ class Outcome:
 
 Command = Callable[..., Outcome]
 """What the fixture `jld` is: `call` with the fixtures that it asks for."""
+
+
+def saved(path: Path, scene: Any) -> Path:
+    """Write a document, or a scene, as a file of JSON; its path."""
+    text = scene.model_dump_json(exclude_defaults=True) if isinstance(scene, Scene) else json.dumps(scene)
+    path.write_text(text, encoding="utf-8")
+    return path
 
 
 def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Outcome:

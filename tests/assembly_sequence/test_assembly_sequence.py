@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull
 
 from cases import assembly_in_space as spatial_assembly
 from cases import box, dry_and_inner, grid_assembly
-from command import Command
+from command import Command, saved
 from jld_core import (
     Assembly,
     DeadlinePassed,
@@ -227,8 +227,7 @@ def test_an_order_is_given_where_stages_take_too_long(
         raise DeadlinePassed
 
     monkeypatch.setattr(Parts, "_least_props", too_late)
-    file = tmp_path / "arch.json"
-    file.write_text(samples.arch(voussoirs=7).model_dump_json(exclude_defaults=True))
+    file = saved(tmp_path / "arch.json", samples.arch(voussoirs=7))
     for line in ((), ("--props", "100")):
         done = jld("assembly", file, "--seconds", "60", "--out", tmp_path / "out", *line)
         assert done.code == 0, done.err
@@ -337,9 +336,7 @@ def test_the_first_stage_that_falls_is_named(jld: Command, tmp_path: Path) -> No
 @pytest.fixture
 def arch(tmp_path: Path) -> Path:
     """Arch of seven voussoirs, which stands once its keystone is laid and not before."""
-    path = tmp_path / "arch.json"
-    path.write_text(samples.arch(voussoirs=7).model_dump_json(exclude_defaults=True))
-    return path
+    return saved(tmp_path / "arch.json", samples.arch(voussoirs=7))
 
 
 def test_an_arch_is_struck_when_its_keystone_is_laid(jld: Command, arch: Path, tmp_path: Path) -> None:
@@ -372,8 +369,7 @@ def test_a_stage_that_was_not_solved_keeps_the_centring(arch: Path) -> None:
 
 def test_a_wall_needs_no_centring(jld: Command, tmp_path: Path) -> None:
     """Courses on the ground stand; the line of the centring is left out."""
-    wall = tmp_path / "wall.json"
-    wall.write_text(samples.wall(courses=2, length=0.8).model_dump_json(exclude_defaults=True))
+    wall = saved(tmp_path / "wall.json", samples.wall(courses=2, length=0.8))
     done = jld("assembly", wall)
     assert done.code == 0
     assert "stands without props" in done.out
@@ -468,8 +464,7 @@ def test_the_first_half_of_a_beam_is_held_by_its_lever(spacing: float) -> None:
 
 def test_props_that_do_not_suffice_are_reported(jld: Command, tmp_path: Path) -> None:
     """One place below the crown holds no haunch before the keystone is laid: the rest stands beside it."""
-    file = tmp_path / "arch.json"
-    file.write_text(samples.arch(voussoirs=7).model_dump_json(exclude_defaults=True))
+    file = saved(tmp_path / "arch.json", samples.arch(voussoirs=7))
     done = jld("assembly", file, "--start", "springings", "--props", "100")
     assert done.code == 0, done.err
     assert "props along  1 place," in done.out

@@ -24,7 +24,7 @@ import psutil
 import pytest
 
 from cases import grid_document
-from command import Command, Outcome, command, environment, process
+from command import Command, Outcome, command, environment, process, saved
 from jld_explore.drivers import DRIVERS
 
 EXPLORE = ("explore", "--check-fields", "0")
@@ -44,9 +44,10 @@ def one_by_one() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("scene") / "wall.json"
-    file.write_text(json.dumps(grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[2, 4])))
-    return file
+    return saved(
+        tmp_path_factory.mktemp("scene") / "wall.json",
+        grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[2, 4]),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -361,9 +362,7 @@ def test_budget(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Comman
 def other_scene(scene: Path, tmp_path: Path) -> Path:
     document = json.loads(scene.read_text())
     document["materials"]["density"] += 1
-    file = tmp_path / "other.json"
-    file.write_text(json.dumps(document))
-    return file
+    return saved(tmp_path / "other.json", document)
 
 
 def test_another_study_is_refused(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command) -> None:
@@ -391,8 +390,7 @@ def test_notes_may_change_between_runs(scene: Path, deferred_signals: Path, tmp_
     """What the numbers do not depend on does not stand in the way of going on."""
     folder = copy_of(deferred_signals, tmp_path / "out")
     document = {**json.loads(scene.read_text()), "name": "renamed", "notes": "seen again"}
-    file = tmp_path / "renamed.json"
-    file.write_text(json.dumps(document))
+    file = saved(tmp_path / "renamed.json", document)
     outcome = jld(*EXPLORE, file, "--out", folder, "--resume", "--jobs", "1", "--json")
     assert (outcome.code, json.loads(outcome.out)["solved"]) == (0, 0)
 

@@ -11,7 +11,7 @@ import pytest
 
 from cases import assembly_in_space as spatial_assembly
 from cases import box, dry_and_inner, grid_document
-from command import SCENES, Command
+from command import SCENES, Command, saved
 from jld_core import InputError, build_assembly, load_scene, parse_scene
 from jld_core.views import facts
 
@@ -197,8 +197,7 @@ def test_wrong_densities_are_refused_in_one_line(text: str, more: dict[str, Any]
 
 
 def test_check_echoes_thickness_density_and_weight(tmp_path: Path, jld: Command) -> None:
-    file = tmp_path / "scene.json"
-    file.write_text(json.dumps(in_units("m", "kN", "2000 kg/m³")))
+    file = saved(tmp_path / "scene.json", in_units("m", "kN", "2000 kg/m³"))
     out = jld("check", file).out
     assert "thickness    0.3 m" in out
     assert "density      2, 2000 kg/m³ in m and kN" in out
@@ -207,8 +206,7 @@ def test_check_echoes_thickness_density_and_weight(tmp_path: Path, jld: Command)
 
 @pytest.mark.usefixtures("without_pictures")
 def test_they_reach_whoever_asks(tmp_path: Path, jld: Command) -> None:
-    file = tmp_path / "scene.json"
-    file.write_text(json.dumps(with_("materials.density", 2.4)))
+    file = saved(tmp_path / "scene.json", with_("materials.density", 2.4))
     line = f"jld: warning: {file}: materials.density is 2.4 kg/m³"
     for command in ("check", "solve"):
         outcome = jld(command, file)
@@ -228,8 +226,9 @@ def test_they_reach_whoever_asks(tmp_path: Path, jld: Command) -> None:
 
 def test_check_prints_the_resultant_of_the_load(tmp_path: Path, jld: Command) -> None:
     """1000 N at x = 1.7: not moment over size, which is no force."""
-    file = tmp_path / "scene.json"
-    file.write_text(json.dumps(with_("loads.live", [{"element": "c0r0", "force": [0, -1000], "at": [1.7, 0.0]}])))
+    file = saved(
+        tmp_path / "scene.json", with_("loads.live", [{"element": "c0r0", "force": [0, -1000], "at": [1.7, 0.0]}])
+    )
     out = jld("check", file).out
     (line,) = [line for line in out.splitlines() if line.startswith("live load")]
     assert "λ × (0, -1000) N through (1.7, " in line
@@ -237,8 +236,7 @@ def test_check_prints_the_resultant_of_the_load(tmp_path: Path, jld: Command) ->
 
 def test_check_refuses_what_explore_would_refuse(tmp_path: Path, jld: Command) -> None:
     document = with_("search", {"block_cells": [9, 9]})
-    file = tmp_path / "scene.json"
-    file.write_text(json.dumps(document))
+    file = saved(tmp_path / "scene.json", document)
     outcomes = [jld(command, file) for command in ("check", "solve")]
     outcomes.append(jld("explore", file, "--out", tmp_path / "out"))
     assert [outcome.code for outcome in outcomes] == [2, 2, 2]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from cases import ROUTE, dry_and_inner, solid_of
-from command import Command
+from command import Command, saved
 from jld_core import Deadline, InputError, Layout, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.fields import governing_bounds
 from jld_core.refinement import refine
@@ -507,8 +507,7 @@ def test_options_are_kilograms_metres_and_pascals_in_scenes_of_all_units(
             "materials": {"dry": {"friction_coefficient": 0.6}},
             "loads": {"live": [{"element": "w", "force": [1e3 / n, 0.0], "at": [0.0, 0.8 / m]}]},
         }
-        path = tmp_path / "scene.json"
-        path.write_text(json.dumps(scene))
+        path = saved(tmp_path / "scene.json", scene)
         options = DesignOptions(load="5 kN", width=0.3, push=0.1, block_mass=90.0, density=1800.0, shear=2e6)
         read = read_outline(path, options).scene
         cut = {one.name: one for one in tessellations.tessellations(read, options, Deadline(0.0))}

@@ -15,7 +15,7 @@ from studies.scenes import stacked_cubes
 
 from cases import dry_and_inner
 from command import SCENES as SCENES_of_command
-from command import Command
+from command import Command, saved
 from jld_core import Scene, build_assembly, load_scene, parse_scene, solve
 from jld_experiment import experiments as module
 from jld_explore import ExploreSettings, explore
@@ -125,8 +125,7 @@ def scene() -> Scene:
 @pytest.mark.usefixtures("without_pictures")
 def test_a_column_for_the_best(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     """K experiments, at most λ each; gone on with, none is run again and the column stays."""
-    path = tmp_path / "scene.json"
-    path.write_text(json.dumps(DOCUMENT), "utf-8")
+    path = saved(tmp_path / "scene.json", DOCUMENT)
     out = tmp_path / "out"
     options = ("--experiment", "3", "--jobs", "1", "--json")
     done = jld("explore", path, "--out", out, *options)

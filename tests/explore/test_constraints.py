@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from cases import counts_of, every_layout, grid_assembly, grid_document
-from command import Command
+from command import Command, saved
 from jld_core import Assembly, InputError, Scene, build_assembly, parse_scene, solve
 from jld_core import blocks_of as assembly_blocks
 from jld_explore import ExploreSettings, SearchSpace, explore, read_folder, search_space
@@ -535,8 +535,7 @@ def test_ranks_are_solved_drawn_and_exported(every: Any, tmp_path: Path, jld: Co
 def test_bad_input(search: dict[str, Any], words: str, tmp_path: Path, jld: Command) -> None:
     document = pierced().model_dump(mode="json", exclude_defaults=True)
     document["search"] = {**document["search"], **search}
-    file = tmp_path / "scene.json"
-    file.write_text(json.dumps(document))
+    file = saved(tmp_path / "scene.json", document)
     jld("explore", file, "--out", tmp_path / "out").refused(words)
 
 

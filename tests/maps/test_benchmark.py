@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import jld_core as jc
-from command import Command
+from command import Command, saved
 from jld_explore.verification import verify
 
 PROBLEMS = Path(str(files("jld_maps"))) / "problems"
@@ -42,8 +42,7 @@ def test_a_record_is_as_its_scene_and_its_certificate_say(name: str) -> None:
 
 
 def submitted(jld: Command, folder: Path, *layouts: dict[str, Any]) -> tuple[int, dict[str, Any]]:
-    path = folder / "mine.json"
-    path.write_text(json.dumps({"method": "by hand", "layouts": layouts}), "utf-8")
+    path = saved(folder / "mine.json", {"method": "by hand", "layouts": layouts})
     found = jld("benchmark", "check", path, "--json")
     return found.code, json.loads(found.out)
 

@@ -10,14 +10,14 @@ import pytest
 from studies.scenes import leonardo_flat_arch
 
 import jld_core as jc
-from command import Command
+from command import Command, saved
 
 
 @pytest.fixture(scope="module")
 def arch(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("arch") / "arch.json"
-    path.write_text(json.dumps(leonardo_flat_arch().model_dump(mode="json", exclude_unset=True)), "utf-8")
-    return path
+    return saved(
+        tmp_path_factory.mktemp("arch") / "arch.json", leonardo_flat_arch().model_dump(mode="json", exclude_unset=True)
+    )
 
 
 @pytest.mark.parametrize(("start", "alpha"), [("gravity", 0.5)])

@@ -12,7 +12,7 @@ from scipy.optimize import linprog
 from studies.families import semicircular_arch
 
 from cases import ROUTE, as_elements, box, rotated
-from command import Command
+from command import Command, saved
 from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.build import loads
 from jld_practice.reactions import (
@@ -416,8 +416,7 @@ def test_bad_input_of_settlement(settlement: Any, words: str, tmp_path: Path, jl
         **arch_of_settlement(6, 0.2).model_dump(mode="json", exclude_defaults=True),
         "settlements": [settlement],
     }
-    file = tmp_path / "arch.json"
-    file.write_text(json.dumps(document))
+    file = saved(tmp_path / "arch.json", document)
     jld("settlement", file).refused(words)
 
 
