@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from jld_core import Scene
+from jld_core import InputError, Scene
 from jld_explore.__main__ import main as entry
 from jld_explore.cli.command import app, main
 
@@ -40,6 +40,15 @@ class Outcome:
 
 Command = Callable[..., Outcome]
 """What the fixture `jld` is: `call` with the fixtures that it asks for."""
+
+
+@contextmanager
+def refused(*words: str, match: str | None = None) -> Iterator[None]:
+    """An InputError of one line with these words is raised in the block."""
+    with pytest.raises(InputError, match=match) as error:
+        yield
+    assert "\n" not in str(error.value)
+    assert [word for word in words if word not in str(error.value)] == [], error.value
 
 
 def saved(path: Path, scene: Any) -> Path:

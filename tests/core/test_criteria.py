@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 
 from cases import box, four_columns, grid_document, space_of
 from cases import scene_in_space as scene
-from command import SCENES, Command
+from command import SCENES, Command, refused
 from jld_core import InputError, Status, build_assembly, load_scene, parse_scene, plugins, solve, solve_many
 from jld_core.batch.rows import rows_of_sets
 from jld_core.mechanics import FaceGeometry, FaceRows, Gauge, Parameter, scaling_of, yield_set
@@ -313,9 +313,8 @@ def test_a_wrong_statement_is_one_line(case: str) -> None:
     material, message = BAD[case]
     document = grid_document(["a", "#"])
     document["materials"]["inner"] = material
-    with pytest.raises(InputError, match=message) as error:
+    with refused(match=message):
         build_assembly(parse_scene(document))
-    assert "\n" not in str(error.value)
 
 
 BEND = [(1.0, 0.0, -3.0, 1e3), (1.0, 0.0, 3.0, 1e3)]
@@ -339,9 +338,8 @@ def test_unusable_rows_are_one_line(case: str, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(criterion, "table", table)
     monkeypatch.setattr(criterion, "gauges", gauges)
     document = with_criterion(grid_document(["a", "#"]), "inner", "stated", shift=shift)
-    with pytest.raises(InputError, match=message) as error:
+    with refused(match=message):
         solve(build_assembly(parse_scene(document)))
-    assert "\n" not in str(error.value)
 
 
 PYRAMID = [(1.0, x, y, 10.0) for x, y in ((3, 0), (-3, 0), (0, 3), (0, -3))]

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from cases import box, grid_document
 from cases import scene_in_space as scene
-from command import Command, saved
+from command import Command, refused, saved
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_explore import ExploreSettings, explore
 
@@ -149,9 +149,8 @@ BAD: dict[str, tuple[Document, str]] = {
 @pytest.mark.parametrize("case", BAD)
 def test_a_wrong_tilt_is_one_line(case: str) -> None:
     loads, message = BAD[case]
-    with pytest.raises(InputError, match=message) as error:
+    with refused(match=message):
         build_assembly(parse_scene({**block(1, 1), "loads": loads}))
-    assert "\n" not in str(error.value)
 
 
 def test_what_does_not_turn_is_refused() -> None:

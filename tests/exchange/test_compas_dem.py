@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cases import ROUTE
-from command import SCENES, call, saved
+from command import SCENES, call, refused, saved
 from jld_core import InputError, Layout, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.limit import displacement
 from jld_formats import dem_solver, export, import_file
@@ -129,9 +129,8 @@ def nonsense(_: Any, __: Any, group: Any) -> None:
 )
 def test_problems_that_cannot_be_read(change: Any, words: str, tmp_path: Path) -> None:
     path = saved(tmp_path / "a.json", edited(change))
-    with pytest.raises(InputError, match=words) as caught:
+    with refused(match=words):
         import_file(path)
-    assert "\n" not in str(caught.value)
 
 
 SCENES_THERE = {

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from command import Command
+from command import Command, refused
 from files.make import File, shelf
 from jld_core import InputError, build_assembly, parse_scene
 from jld_core.scene import units
@@ -229,10 +229,8 @@ def test_file(file: File, tmp_path: Path) -> None:
     path = tmp_path / file.name
     file.write(path)
     if file.refused:
-        with pytest.raises(InputError) as caught:
+        with refused(file.refused):
             import_file(path, ImportOptions(**file.options))
-        assert file.refused in str(caught.value)
-        assert "\n" not in str(caught.value)
         return
     found = import_file(path, ImportOptions(**file.options))
     build_assembly(parse_scene(found.document))

@@ -26,7 +26,7 @@ from pysat.solvers import Solver
 from cases import box, dry_and_inner, grid_document
 from cases import scene_in_space as spatial_document
 from command import SCENES as SCENE_FILES
-from command import Command, Outcome
+from command import Command, Outcome, refused
 from jld_core import InputError, LimitAnalysis, build_assembly, parse_scene
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS as KINDS
@@ -350,9 +350,8 @@ def test_changed_certificates_are_refused(
     assert verify(rewritten(proof, tmp_path / "whole.jld")).mechanisms
     lines = json.loads(json.dumps(proof))
     harm(lines)
-    with pytest.raises(InputError) as complaint:
+    with refused():
         verify(rewritten(lines, tmp_path / "harmed.jld"))
-    assert "\n" not in str(complaint.value)
 
 
 @pytest.mark.parametrize(
@@ -380,10 +379,8 @@ def test_a_claim_that_is_none_is_refused(
     key: str, value: object, words: str, proof: list[dict[str, Any]], tmp_path: Path
 ) -> None:
     lines = [{**proof[0], key: value}, *proof[1:]]
-    with pytest.raises(InputError) as complaint:
+    with refused(words):
         verify(rewritten(lines, tmp_path / "claim.jld"))
-    assert words in str(complaint.value)
-    assert "\n" not in str(complaint.value)
 
 
 def test_a_bound_in_whole_numbers_is_a_bound(proof: list[dict[str, Any]], tmp_path: Path) -> None:
