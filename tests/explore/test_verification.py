@@ -623,17 +623,6 @@ CHANGES: dict[str, Callable[[list[dict[str, Any]]], object]] = {
 }
 
 
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize("name", CHANGES)
-def test_both_checkers_refuse_changed_certificates(name: str, tall: list[dict[str, Any]], tmp_path: Path) -> None:
-    lines = json.loads(json.dumps(tall))
-    CHANGES[name](lines)
-    path = rewritten(lines, tmp_path / "changed.jld")
-    with pytest.raises(InputError):
-        verify(path)
-    assert checked(path).code == 1
-
-
 @pytest.fixture(scope="module")
 def stopped(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     """The lines of a certificate of bounds by possible blocks, of a search that was stopped."""
@@ -675,10 +664,15 @@ def test_bounds_by_blocks_have_certificates(stopped: list[dict[str, Any]], tmp_p
     assert done.code == 0, done.err
 
 
-@pytest.mark.parametrize("name", BLOCK_CHANGES)
-def test_both_checkers_refuse_changed_blocks(name: str, stopped: list[dict[str, Any]], tmp_path: Path) -> None:
-    lines = json.loads(json.dumps(stopped))
-    BLOCK_CHANGES[name](lines)
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    ("kind", "name"), [*(("tall", name) for name in CHANGES), *(("stopped", name) for name in BLOCK_CHANGES)]
+)
+def test_both_checkers_refuse_changed_certificates(
+    kind: str, name: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    lines = json.loads(json.dumps(request.getfixturevalue(kind)))
+    (CHANGES if kind == "tall" else BLOCK_CHANGES)[name](lines)
     path = rewritten(lines, tmp_path / "changed.jld")
     with pytest.raises(InputError):
         verify(path)
