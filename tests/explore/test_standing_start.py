@@ -11,7 +11,6 @@ from cases import box, every_layout, grid_document, standing_of
 from jld_core import Status, build_assembly, parse_scene
 from jld_explore import Evaluation, SearchSpace, search_space
 from jld_explore.drivers import DRIVERS
-from jld_explore.drivers.standing_start import StandingStart
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
 
 # Cells that overhang a support, in blocks of two to four: few layouts balance.
@@ -25,7 +24,7 @@ def space_of(document: dict[str, Any]) -> SearchSpace:
 
 
 def bonds(space: SearchSpace, labellings: Any) -> tuple[Any, Any]:
-    start = StandingStart(space, lambda own: DRIVERS["random"](own, 0))
+    start = DRIVERS["portfolio"](space, 0).standing_start
     assert start._made() is not None
     return start._bonds(labellings)
 
@@ -98,4 +97,4 @@ def test_nothing_is_looked_at_where_layouts_stand() -> None:
     assert driver.standing_start._driver is None
     pushed = {"live": [{"element": "c0r0", "force": [1, 0]}]}
     weightless = space_of({**DOCUMENT, "loads": pushed, "materials": {**DOCUMENT["materials"], "density": 0}})
-    assert StandingStart(weightless, lambda own: DRIVERS["random"](own, 0))._made() is None
+    assert DRIVERS["portfolio"](weightless, 0).standing_start._made() is None
