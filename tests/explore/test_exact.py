@@ -19,10 +19,10 @@ from cases import scene_in_space as scene
 from jld_core import LimitAnalysis, Scene, SolveOptions, Status, build_assembly, parse_scene
 from jld_explore import Evaluation, Exploration, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS, make_driver
-from jld_explore.drivers.exact.formula import Formula
 from jld_explore.evaluation import Records
 from jld_explore.space import count_named, feasible, values_of
 from jld_explore.verification import verify
+from proofs import formula_of
 
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "pairs": (["aaa", "aaa", "###"], {"block_cells": [1, 2]}),
@@ -442,17 +442,13 @@ def space_of(count: str, **limits: Any) -> SearchSpace:
     return search_space(scene, build_assembly(scene))
 
 
-def formula_of(space: SearchSpace, *, listed: bool = True) -> Formula:
-    return Formula(space, DRIVERS["exact"](space, list_blocks=listed).context.blocks)
-
-
 def range_of(count: str, *ends: int | None) -> Any:
     """Bounds of a count as the limits of a space state them."""
     limits = space_of(count, **{count: list(ends)}).limits
     return next(bounds for one, bounds in limits.on_counts if one.name == count)
 
 
-def left(formula: Formula) -> list[np.ndarray]:
+def left(formula: Any) -> list[np.ndarray]:
     """All labellings that are left, up to symmetry, each set aside once found."""
     rows: list[np.ndarray] = []
     while (labels := formula.next()) is not None:

@@ -30,11 +30,10 @@ from command import Command, Outcome, refused
 from jld_core import InputError, LimitAnalysis, build_assembly, parse_scene
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS as KINDS
-from jld_explore.drivers.exact.proof_check import refutation
 from jld_explore.space import feasible
 from jld_explore.verification import Checker, verify
 from jld_explore.verification import certificate as proof_file
-from jld_explore.verification.verify import follows
+from proofs import refutation_of
 
 ROOM = Path(__file__).parents[2] / "src" / "jld_explore" / "verification"
 
@@ -203,7 +202,12 @@ def test_counts_are_stated_as_they_are_counted() -> None:
 
 
 def test_refutations_are_checked_step_by_step() -> None:
-    rng, found = random.Random(5), 0
+    rng, found, checker = random.Random(5), 0, checker_of(SCENES["weak"])
+
+    def follows(literals: Any, by: Any, known: Any) -> bool:
+        checker.clauses = dict(known)
+        return checker.clause(proof_file.Lemma(tuple(literals), tuple(by))) is not None
+
     for _ in range(150):
         count = rng.randint(3, 12)
         clauses = [
@@ -212,7 +216,7 @@ def test_refutations_are_checked_step_by_step() -> None:
         ]
         with Solver("glucose4", bootstrap_with=clauses) as solver:
             satisfiable = solver.solve()
-        proof = refutation(clauses)
+        proof = refutation_of(clauses)
         assert satisfiable == (proof is None)
         if proof is None:
             continue
