@@ -32,6 +32,11 @@ class Outcome:
     out: str
     err: str
 
+    def done(self) -> Outcome:
+        """Assert that a command ended with exit code 0; what it printed."""
+        assert self.code == 0, self.err
+        return self
+
     def refused(self, *words: str) -> None:
         """Assert that a command ended with exit code 2, nothing on stdout, and one line on stderr with these words."""
         assert (self.code, self.out, self.err.count("\n")) == (2, "", 1), self

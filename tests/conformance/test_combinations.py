@@ -74,8 +74,7 @@ def test_a_tolerance_larger_than_solids_is_refused(tmp_path: Path, jld: Command)
 
 
 def test_values_without_effect_are_warnings_and_misplaced_ones_errors(tmp_path: Path, jld: Command) -> None:
-    outcome = jld("check", saved(tmp_path / "scene.json", {**CUBES, "thickness": 2.0}))
-    assert outcome.code == 0
+    outcome = jld("check", saved(tmp_path / "scene.json", {**CUBES, "thickness": 2.0})).done()
     assert "warning" in outcome.err
     assert "thickness is 2 and the elements are spatial, so it changes nothing" in outcome.err
     face = [[0.0, 9.0, 1.0], [1.0, 9.0, 1.0], [1.0, 10.0, 1.0], [0.0, 10.0, 1.0]]

@@ -500,8 +500,7 @@ def test_pictures_of_a_laying_by_command(dimension: int, jld: Command, tmp_path:
     document.pop("members")
     (tmp_path / "scene.json").write_text(json.dumps(document))
     out = tmp_path / "out"
-    done = jld("assembly", tmp_path / "scene.json", "-o", out, "--stages", "--animation")
-    assert done.code == 0
+    jld("assembly", tmp_path / "scene.json", "-o", out, "--stages", "--animation").done()
     written = {file.name for file in out.iterdir()}
     assert {"assembly.csv", "assembly.png", "assembly.gif", "stage-1.png", "stage-3.png"} <= written
 

@@ -174,8 +174,7 @@ def test_pdf_table_and_archive(jld: Command, tmp_path: Path) -> None:
     """The same scene gives the same bytes; the archive holds scene, PDF and cutting list."""
     scene = tmp_path / "arch.json"
     assert jld("new", "flat-arch", "-o", scene).code == 0
-    done = jld("report", scene, "--pdf", "--zip", "--language", "it")
-    assert done.code == 0, done.err
+    jld("report", scene, "--pdf", "--zip", "--language", "it").done()
     first = (tmp_path / "arch.pdf").read_bytes()
     assert first.startswith(b"%PDF")
     table = pd.read_csv(tmp_path / "arch.stones.csv")
@@ -382,8 +381,7 @@ def test_the_least_number_of_known_cases(volumes: list[float], expected: int) ->
 def test_the_command_writes_where_stones_lie(jld: Command, tmp_path: Path) -> None:
     """The table holds every stone in millimetres; the line says number, bound and waste."""
     scene = saved(tmp_path / "wall.json", parse_scene(grid_document(["aab", "ccb", "###"])))
-    done = jld("report", scene, "--pdf", "--stock", "10000,10000,10000", "--kerf", "5")
-    assert done.code == 0, done.err
+    done = jld("report", scene, "--pdf", "--stock", "10000,10000,10000", "--kerf", "5").done()
     assert "1 stock cuboid, the least number; waste" in done.out
     table = pd.read_csv(tmp_path / "wall.stock.csv")
     assert len(table) == 3

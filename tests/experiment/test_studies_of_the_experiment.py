@@ -128,8 +128,7 @@ def test_a_column_for_the_best(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
     path = saved(tmp_path / "scene.json", DOCUMENT)
     out = tmp_path / "out"
     options = ("--experiment", "3", "--jobs", "1", "--json")
-    done = jld("explore", path, "--out", out, *options)
-    assert done.code == 0, done.err
+    done = jld("explore", path, "--out", out, *options).done()
     table = pd.read_csv(out / "results.csv", dtype={"labelling": str})
     assert table["experiment"].notna().tolist() == [True] * 3 + [False] * (len(table) - 3)
     best = table.head(3)
@@ -143,8 +142,7 @@ def test_a_column_for_the_best(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
         raise AssertionError("run again")
 
     monkeypatch.setattr(module, "one_experiment", refuse)
-    again = jld("explore", path, "--out", out, *options, "--resume")
-    assert again.code == 0, again.err
+    jld("explore", path, "--out", out, *options, "--resume").done()
     assert (out / "experiments.csv").read_bytes() == kept
     assert pd.read_csv(out / "results.csv", dtype={"labelling": str})["experiment"].notna().sum() == 3
 
@@ -224,9 +222,7 @@ def test_an_experiment_writes_its_folder(tmp_path: Path, jld: Command) -> None:
     path = scene_of_command(tmp_path, ["aab", "acc", "###"], [{"body": [1, 0]}])
     out = tmp_path / "out"
     options = ("--inner", "plastic", "--dilation", "friction", "--out", out, "--json")
-    done = jld("experiment", path, *options)
-    assert done.code == 0, done.err
-    found = json.loads(done.out)
+    found = json.loads(jld("experiment", path, *options).done().out)
     assert set(found) >= KEYS
     assert found["status"] == "collapse"
     assert found["stands"] is True
@@ -242,9 +238,7 @@ def test_an_experiment_writes_its_folder(tmp_path: Path, jld: Command) -> None:
 def test_structures_that_do_not_stand(tmp_path: Path, jld: Command) -> None:
     path = scene_of_command(tmp_path, ["aa", "#."], [{"element": "c1r0", "force": [0, -1]}])
     path.write_text(path.read_text("utf-8").replace("20000.0", "10.0"), "utf-8")
-    done = jld("experiment", path, "--json", "--out", tmp_path / "out")
-    assert done.code == 0, done.err
-    found = json.loads(done.out)
+    found = json.loads(jld("experiment", path, "--json", "--out", tmp_path / "out").done().out)
     assert found["stands"] is False
     assert found["status"] in ("falls", "creeps")
     assert found["collapse_load"] is None

@@ -571,8 +571,7 @@ def test_options_for_cracks_by_faces_alone_are_refused(tmp_path: Path) -> None:
 
 def test_the_command_line_searches_by_fields(jld: Command, tmp_path: Path) -> None:
     path = saved(tmp_path / "scene.json", document_of_cracks())
-    told = jld("explore", path, "--out", tmp_path / "out", "--cracks", "fields:0.4", "--jobs", "1", "--json")
-    assert told.code == 0, told.err
+    told = jld("explore", path, "--out", tmp_path / "out", "--cracks", "fields:0.4", "--jobs", "1", "--json").done()
     assert json.loads(told.out)["cracks"] == {"kind": "fields", "gap": 0.4}
     # the folder remembers its crack model
     rank = json.loads(jld("solve", tmp_path / "out", "--rank", "1", "--json").out)

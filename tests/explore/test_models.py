@@ -127,8 +127,7 @@ def test_the_exact_driver_refuses_a_model_it_has_no_bounds_for(tmp_path: Path) -
 def test_the_command_line_offers_the_model(tmp_path: Path, jld: Command) -> None:
     scene = saved(tmp_path / "table.json", table())
     out = tmp_path / "study"
-    done = jld("explore", scene, "--out", out, "--contact", "concave", "--jobs", "1", "--budget", "8")
-    assert done.code == 0, done.err
+    jld("explore", scene, "--out", out, "--contact", "concave", "--jobs", "1", "--budget", "8").done()
     assert read_folder(out).model == SolveOptions(contact="concave")
     jld("explore", scene, "--out", out, "--resume", "--jobs", "1", "--budget", "8").refused("contact")
     jld("explore", scene, "--out", tmp_path / "x", "--contact", "concave", "--effective-area").refused(

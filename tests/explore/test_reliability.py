@@ -503,8 +503,9 @@ def test_a_search_ranks_its_best_layouts_by_reliability(
     document["materials"]["dry"] = {"friction_coefficient": vary(0.75, each=True)}
     document["loads"]["live"] = [{"body": vary([0.3, 0.0], 0.2)}]
     path.write_text(json.dumps(document))
-    done = jld("explore", path, "--out", out, "--objective", "reliability", "--reliability", 2, "--jobs", 1, "--json")
-    assert done.code == 0
+    done = jld(
+        "explore", path, "--out", out, "--objective", "reliability", "--reliability", 2, "--jobs", 1, "--json"
+    ).done()
     told = json.loads(done.out)["reliability"]
     assert told["left_out"] == 0
     indices = [row["beta_monte_carlo"] for row in told["layouts"]]

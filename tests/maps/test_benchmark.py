@@ -78,8 +78,7 @@ def test_a_record_can_be_beaten(jld: Command, tmp_path: Path) -> None:
     mine = tmp_path / "mine.json"
     layout = {"problem": name, "labels": RECORDS[name]["labels"], "load_factor": weaker["best"]}
     mine.write_text(json.dumps({"layouts": [layout]}), "utf-8")
-    found = jld("benchmark", "check", mine, "--problems", folder)
-    assert found.code == 0
+    found = jld("benchmark", "check", mine, "--problems", folder).done()
     assert "beats the record   +11.11% over the best known" in found.out
     assert found.out.splitlines()[-1] == f"1 records beaten: {name}"
 
