@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -12,9 +13,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from jld_core import InputError, Scene
 from jld_explore.__main__ import main as entry
 from jld_explore.cli.command import app, main
 
@@ -29,6 +32,11 @@ class Outcome:
     out: str
     err: str
 
+    def done(self) -> Outcome:
+        """Assert that a command ended with exit code 0; what it printed."""
+        assert self.code == 0, self.err
+        return self
+
     def refused(self, *words: str) -> None:
         """Assert that a command ended with exit code 2, nothing on stdout, and one line on stderr with these words."""
         assert (self.code, self.out, self.err.count("\n")) == (2, "", 1), self
@@ -37,6 +45,22 @@ class Outcome:
 
 Command = Callable[..., Outcome]
 """What the fixture `jld` is: `call` with the fixtures that it asks for."""
+
+
+@contextmanager
+def refused(*words: str, match: str | None = None) -> Iterator[None]:
+    """An InputError of one line with these words is raised in the block."""
+    with pytest.raises(InputError, match=match) as error:
+        yield
+    assert "\n" not in str(error.value)
+    assert [word for word in words if word not in str(error.value)] == [], error.value
+
+
+def saved(path: Path, scene: Any) -> Path:
+    """Write a document, or a scene, as a file of JSON; its path."""
+    text = scene.model_dump_json(exclude_defaults=True) if isinstance(scene, Scene) else json.dumps(scene)
+    path.write_text(text, encoding="utf-8")
+    return path
 
 
 def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Outcome:

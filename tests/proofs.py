@@ -704,3 +704,55 @@ def extreme_rays(rows: np.ndarray) -> np.ndarray:
         rays = rays / np.linalg.norm(rays, axis=1)[:, None]
         done.append(k)
     return rays
+
+
+# Parts of proofs that no command and no exported name hands on, loaded when asked for.
+
+
+def formula_of(space: Any, *, listed: bool = True) -> Any:
+    """Return a formula of all labellings of a space, before anything is refuted."""
+    from jld_explore.drivers import DRIVERS
+    from jld_explore.drivers.exact.formula import Formula
+
+    return Formula(space, DRIVERS["exact"](space, list_blocks=listed).context.blocks)
+
+
+def conflicts_of(relaxation: Any, rows: np.ndarray, threshold: float) -> list[Any]:
+    """Return a conflict of each labelling (k, m), None where it may reach the threshold, without the batch solver."""
+    from jld_explore.drivers.exact.conflict_generation import conflict_of
+
+    return [conflict_of(relaxation, row, np.ones(len(row), dtype=bool), threshold) for row in rows]
+
+
+def relaxed_products(
+    bounded: Any, region: Any, pairs: np.ndarray, slack: float, *, blocks: bool = False, distance: int | None = None
+) -> Any:
+    """Return the solved relaxation of λ without dilation with products of pairs; blocks: by matrix blocks."""
+    from jld_dilation.certificate import solve_rlt_by_matrix_blocks
+    from jld_dilation.rlt_relaxation import RltOptions, solve_rlt
+
+    solve = solve_rlt_by_matrix_blocks if blocks else solve_rlt
+    return solve(bounded, region, RltOptions(pairs, slack, 60.0 if blocks else np.inf, distance))
+
+
+def first_step(bounded: Any, load: float) -> tuple[float, list[str]]:
+    """Return what the first step of large scenes proves below a solution, scaled, and its name."""
+    from jld_dilation.rlt_relaxation import LowerBoundProblem
+    from jld_dilation.sweep import BlockSweep
+
+    problem = LowerBoundProblem(load, 60.0)
+    return BlockSweep(bounded, problem).partial_bound(0.0), problem.solve_log
+
+
+def refutation_of(clauses: list[list[int]]) -> Any:
+    """Return the refutation of clauses that a certificate would hold, None where they have a model."""
+    from jld_explore.drivers.exact.proof_check import refutation
+
+    return refutation(clauses)
+
+
+def velocities_with_margin(upper: Any, labels: np.ndarray, margin: float) -> Any:
+    """Return the answer of a program of velocity fields whose flow rules have a margin."""
+    from jld_core.fields.upper import VelocityProgram
+
+    return VelocityProgram(upper.problem, upper.live, upper.dead, margin).solve(upper.problem.is_dry(labels))

@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull
 
 from cases import assembly_in_space as spatial_assembly
 from cases import box, dry_and_inner, grid_assembly
-from command import Command
+from command import Command, saved
 from jld_core import (
     Assembly,
     DeadlinePassed,
@@ -227,11 +227,9 @@ def test_an_order_is_given_where_stages_take_too_long(
         raise DeadlinePassed
 
     monkeypatch.setattr(Parts, "_least_props", too_late)
-    file = tmp_path / "arch.json"
-    file.write_text(samples.arch(voussoirs=7).model_dump_json(exclude_defaults=True))
+    file = saved(tmp_path / "arch.json", samples.arch(voussoirs=7))
     for line in ((), ("--props", "100")):
-        done = jld("assembly", file, "--seconds", "60", "--out", tmp_path / "out", *line)
-        assert done.code == 0, done.err
+        done = jld("assembly", file, "--seconds", "60", "--out", tmp_path / "out", *line).done()
         assert "7 blocks in 7 steps, props not known and not minimal" in done.out
         table = pd.read_csv(tmp_path / "out" / "assembly.csv")
         assert len(table) == 7
@@ -319,8 +317,9 @@ def test_the_first_stage_that_falls_is_named(jld: Command, tmp_path: Path) -> No
     """An arch without centring: the answer to `standing` names step, stone and prop, and draws every stage."""
     scene = tmp_path / "arch.json"
     assert jld("new", "arch", "--voussoirs", "3", "--embrace", "120", "-o", scene).code == 0
-    done = jld("assembly", scene, "--wish", "standing", "--start", "springings", "--out", tmp_path / "out", "--stages")
-    assert done.code == 0, done.err
+    done = jld(
+        "assembly", scene, "--wish", "standing", "--start", "springings", "--out", tmp_path / "out", "--stages"
+    ).done()
     assert "none whose every stage stands" in done.out
     assert "the first that falls is step " in done.out
     assert sorted(path.name for path in (tmp_path / "out").glob("stage-*.png")) == [
@@ -337,16 +336,13 @@ def test_the_first_stage_that_falls_is_named(jld: Command, tmp_path: Path) -> No
 @pytest.fixture
 def arch(tmp_path: Path) -> Path:
     """Arch of seven voussoirs, which stands once its keystone is laid and not before."""
-    path = tmp_path / "arch.json"
-    path.write_text(samples.arch(voussoirs=7).model_dump_json(exclude_defaults=True))
-    return path
+    return saved(tmp_path / "arch.json", samples.arch(voussoirs=7))
 
 
 def test_an_arch_is_struck_when_its_keystone_is_laid(jld: Command, arch: Path, tmp_path: Path) -> None:
     """Props stand until the last stone closes the arch; the line names the step of the table."""
     out = tmp_path / "out"
-    done = jld("assembly", arch, "--start", "springings", "--out", out, "--animation")
-    assert done.code == 0, done.err
+    done = jld("assembly", arch, "--start", "springings", "--out", out, "--animation").done()
     table = pd.read_csv(out / "assembly.csv")
     needed = table["step"][table["props_N"] > 0.0]
     assert needed.max() == len(table) - 1 == 6
@@ -372,10 +368,8 @@ def test_a_stage_that_was_not_solved_keeps_the_centring(arch: Path) -> None:
 
 def test_a_wall_needs_no_centring(jld: Command, tmp_path: Path) -> None:
     """Courses on the ground stand; the line of the centring is left out."""
-    wall = tmp_path / "wall.json"
-    wall.write_text(samples.wall(courses=2, length=0.8).model_dump_json(exclude_defaults=True))
-    done = jld("assembly", wall)
-    assert done.code == 0
+    wall = saved(tmp_path / "wall.json", samples.wall(courses=2, length=0.8))
+    done = jld("assembly", wall).done()
     assert "stands without props" in done.out
     assert "centring" not in done.out
 
@@ -468,10 +462,8 @@ def test_the_first_half_of_a_beam_is_held_by_its_lever(spacing: float) -> None:
 
 def test_props_that_do_not_suffice_are_reported(jld: Command, tmp_path: Path) -> None:
     """One place below the crown holds no haunch before the keystone is laid: the rest stands beside it."""
-    file = tmp_path / "arch.json"
-    file.write_text(samples.arch(voussoirs=7).model_dump_json(exclude_defaults=True))
-    done = jld("assembly", file, "--start", "springings", "--props", "100")
-    assert done.code == 0, done.err
+    file = saved(tmp_path / "arch.json", samples.arch(voussoirs=7))
+    done = jld("assembly", file, "--start", "springings", "--props", "100").done()
     assert "props along  1 place," in done.out
     assert "the places alone do not hold it" in done.out
 
@@ -480,8 +472,7 @@ def test_an_arch_on_a_line_of_props(jld: Command, tmp_path: Path) -> None:
     """Words, table and picture of an arch laid from both springings, which may be struck once it is closed."""
     file, out = tmp_path / "arch.json", tmp_path / "out"
     file.write_text(samples.arch(voussoirs=7).model_dump_json(exclude_defaults=True))
-    done = jld("assembly", file, "--start", "springings", "--props", "0.2", "--out", out, "--stages")
-    assert done.code == 0, done.err
+    done = jld("assembly", file, "--start", "springings", "--props", "0.2", "--out", out, "--stages").done()
     assert "props along" in done.out
     assert "it may be struck after step 7" in done.out
     table = pd.read_csv(out / "assembly.csv")

@@ -12,7 +12,7 @@ import pytest
 
 from browser_visits import Open, Visit, looks_like
 from cases import HOSTILE, small_scene, spatial_scene
-from command import running
+from command import running, saved
 from jld_core import build_assembly, load_scene, parse_scene, solve
 from jld_explore import ExploreSettings, explore
 
@@ -31,9 +31,7 @@ def studio_of(source: Path) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("studio") / "courses.json"
-    path.write_text(json.dumps(small_scene()), encoding="utf-8")
-    return path
+    return saved(tmp_path_factory.mktemp("studio") / "courses.json", small_scene())
 
 
 @pytest.fixture(scope="module")
@@ -373,8 +371,7 @@ def test_the_best_of_a_running_search_is_drawn(visit: Open, address: str) -> Non
 
 @pytest.mark.long  # the server's answers for spatial scenes are tested without a browser
 def test_a_spatial_scene_is_toggled_too(visit: Open, tmp_path: Path) -> None:
-    path = tmp_path / "cubes.json"
-    path.write_text(json.dumps(spatial_scene()), encoding="utf-8")
+    path = saved(tmp_path / "cubes.json", spatial_scene())
     with studio_of(path) as address:
         found = visit(address)
         first = answered(found)

@@ -412,30 +412,22 @@ OPTIONS: list[tuple[list[str], tuple[str, ...]]] = [
 ]
 
 
-@pytest.mark.parametrize(("options", "words"), OPTIONS, ids=[" ".join(o[0]) for o in OPTIONS])
-def test_bad_option_of_explore(options: list[str], words: tuple[str, ...], tmp_path: Path, jld: Command) -> None:
-    file, out = tmp_path / "scene.json", tmp_path / "out"
-    file.write_bytes(GOOD)
-    complaint(jld("explore", file, "--out", out, *options), "jld: ", *words)
-    assert not out.exists()
+OF_SOLVE: list[tuple[list[str], tuple[str, ...]]] = [
+    (["--solver", "abacus"], ("--solver", "'abacus'", "clarabel")),
+    (["--gap", "0"], ("--gap", "0", "above 0")),
+    (["--gap", "-1e-6"], ("--gap", "-1e-06", "above 0")),
+    (["--gap", "nan"], ("--gap", "nan", "above 0")),
+    (["--gap", "small"], ("--gap", "'small'", "a number")),
+    (["--friction", "none"], ("--friction",)),
+]
+BAD = [("explore", *row) for row in OPTIONS] + [("solve", *row) for row in OF_SOLVE]
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--solver", "abacus"], ("--solver", "'abacus'", "clarabel")),
-        (["--gap", "0"], ("--gap", "0", "above 0")),
-        (["--gap", "-1e-6"], ("--gap", "-1e-06", "above 0")),
-        (["--gap", "nan"], ("--gap", "nan", "above 0")),
-        (["--gap", "small"], ("--gap", "'small'", "a number")),
-        (["--friction", "none"], ("--friction",)),
-    ],
-    ids=lambda value: " ".join(value),
-)
-def test_bad_option_of_solve(options: list[str], words: tuple[str, ...], tmp_path: Path, jld: Command) -> None:
+@pytest.mark.parametrize(("name", "options", "words"), BAD, ids=[" ".join([row[0], *row[1]]) for row in BAD])
+def test_bad_option(name: str, options: list[str], words: tuple[str, ...], tmp_path: Path, jld: Command) -> None:
     file, out = tmp_path / "scene.json", tmp_path / "out"
     file.write_bytes(GOOD)
-    complaint(jld("solve", file, "--out", out, *options), "jld: ", *words)
+    complaint(jld(name, file, "--out", out, *options), "jld: ", *words)
     assert not out.exists()
 
 

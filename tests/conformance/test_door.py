@@ -17,7 +17,7 @@ import pandas as pd
 import pytest
 
 from cases import grid_document
-from command import Command, call, environment
+from command import Command, call, environment, saved
 from jld_core import InputError, Layout, SolveOptions, build_assembly, files, load_scene, parse_scene, solve
 from jld_core.views import facts_of_result
 from jld_explore import ExploreSettings, explore, read_folder, search_space
@@ -58,8 +58,9 @@ def test_names_and_units_are_drawn_as_they_are(name: str, tmp_path: Path, recwar
 def test_a_search_under_an_odd_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = tmp_path / "scene.json"
-    file.write_text(json.dumps({**small(), "name": ODD[0] + ODD[2], "units": {"length": ODD[1], "force": "N"}}))
+    file = saved(
+        tmp_path / "scene.json", {**small(), "name": ODD[0] + ODD[2], "units": {"length": ODD[1], "force": "N"}}
+    )
     outcome = call(
         *(monkeypatch, capsys, "explore", file, "--out", tmp_path / "out", "--driver", "random"),
         *("--budget", "3", "--jobs", "1"),

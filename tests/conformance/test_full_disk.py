@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from cases import grid_document
-from command import Command, command, environment
+from command import Command, command, environment, saved
 from jld_core import parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.verification import certificate
@@ -110,9 +110,7 @@ def test_a_certificate_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("streams") / "scene.json"
-    path.write_text(json.dumps({**grid_document(["aa", "##"]), "name": "汉"}))
-    return path
+    return saved(tmp_path_factory.mktemp("streams") / "scene.json", {**grid_document(["aa", "##"]), "name": "汉"})
 
 
 def run(*arguments: str | Path, pictures: bool = True, **streams: Any) -> subprocess.CompletedProcess[bytes]:

@@ -24,7 +24,7 @@ import psutil
 import pytest
 
 from cases import grid_document
-from command import Command, Outcome, command, environment, process
+from command import Command, Outcome, command, environment, process, saved
 from jld_explore.drivers import DRIVERS
 
 EXPLORE = ("explore", "--check-fields", "0")
@@ -44,18 +44,17 @@ def one_by_one() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("scene") / "wall.json"
-    file.write_text(json.dumps(grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[2, 4])))
-    return file
+    return saved(
+        tmp_path_factory.mktemp("scene") / "wall.json",
+        grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[2, 4]),
+    )
 
 
 @pytest.fixture(scope="module")
 def deferred_signals(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a run that nothing disturbs."""
     folder = tmp_path_factory.mktemp("undisturbed") / "out"
-    outcome = process(*EXPLORE, scene, "--out", folder, "--jobs", "1", "--json")
-    assert outcome.code == 0
-    facts = json.loads(outcome.out)
+    facts = json.loads(process(*EXPLORE, scene, "--out", folder, "--jobs", "1", "--json").done().out)
     assert (facts["evaluated"], facts["solved"]) == (CLASSES, CLASSES)
     return folder
 
@@ -129,8 +128,7 @@ def wait_until_gone(family: list[psutil.Process], seconds: float = 20.0) -> None
 def resumed(jld: Command, scene: Path, folder: Path, jobs: int, deferred_signals: Path) -> None:
     """Go on to the end in this process; nothing that was on disk may have been evaluated again."""
     before = records(folder)
-    outcome = jld(*EXPLORE, scene, "--out", folder, "--jobs", str(jobs), "--resume", "--json")
-    assert outcome.code == 0, outcome.err
+    outcome = jld(*EXPLORE, scene, "--out", folder, "--jobs", str(jobs), "--resume", "--json").done()
     facts: dict[str, Any] = json.loads(outcome.out)
     after = records(folder)
     assert after[: len(before)] == before
@@ -218,8 +216,7 @@ def test_random_kills(scene: Path, tmp_path: Path, jld: Command) -> None:
     the table is that of a run that nothing disturbs."""
     budget = CLASSES - 20
     asked = (*EXPLORE, scene, "--driver", "genetic", "--budget", str(budget))
-    alone = jld(*asked, "--out", tmp_path / "alone", "--jobs", "1")
-    assert alone.code == 0, alone.err
+    jld(*asked, "--out", tmp_path / "alone", "--jobs", "1").done()
     folder, rng, kills = tmp_path / "out", random.Random(20), 0
     kept: list[Row] = []
     while kills < KILLS:
@@ -242,8 +239,7 @@ def test_random_kills(scene: Path, tmp_path: Path, jld: Command) -> None:
                 worker_died = True
         assert records(folder)[: len(kept)] == kept
         kept = records(folder)
-    done = jld(*asked, "--out", folder, "--jobs", "2", "--resume", "--json")
-    assert done.code == 0, done.err
+    done = jld(*asked, "--out", folder, "--jobs", "2", "--resume", "--json").done()
     assert records(folder)[: len(kept)] == kept
     assert len(set(labellings(records(folder)))) == len(records(folder)) == budget
     assert json.loads(done.out)["solved"] == budget - len(kept)
@@ -311,8 +307,7 @@ def test_begun_and_nothing_more(scene: Path, tmp_path: Path, jld: Command) -> No
     folder = tmp_path / "out"
     folder.mkdir()
     (folder / "records.sqlite3").write_bytes(b"")
-    outcome = jld(*(*EXPLORE, scene, "--out", folder, "--resume"), *("--jobs", "1", "--budget", "5", "--json"))
-    assert outcome.code == 0, outcome.err
+    outcome = jld(*(*EXPLORE, scene, "--out", folder, "--resume"), *("--jobs", "1", "--budget", "5", "--json")).done()
     assert json.loads(outcome.out)["solved"] == 5
 
 
@@ -337,8 +332,7 @@ def test_budget(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Comman
     """Distinct classes evaluated at the most; raised step by step it gives what it gives at once."""
 
     def run(folder: Path, *options: str) -> dict[str, Any]:
-        outcome = jld(*EXPLORE, scene, "--out", folder, "--jobs", "1", "--json", *options)
-        assert outcome.code == 0
+        outcome = jld(*EXPLORE, scene, "--out", folder, "--jobs", "1", "--json", *options).done()
         facts: dict[str, Any] = json.loads(outcome.out)
         return facts
 
@@ -361,9 +355,7 @@ def test_budget(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Comman
 def other_scene(scene: Path, tmp_path: Path) -> Path:
     document = json.loads(scene.read_text())
     document["materials"]["density"] += 1
-    file = tmp_path / "other.json"
-    file.write_text(json.dumps(document))
-    return file
+    return saved(tmp_path / "other.json", document)
 
 
 def test_another_study_is_refused(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command) -> None:
@@ -391,8 +383,7 @@ def test_notes_may_change_between_runs(scene: Path, deferred_signals: Path, tmp_
     """What the numbers do not depend on does not stand in the way of going on."""
     folder = copy_of(deferred_signals, tmp_path / "out")
     document = {**json.loads(scene.read_text()), "name": "renamed", "notes": "seen again"}
-    file = tmp_path / "renamed.json"
-    file.write_text(json.dumps(document))
+    file = saved(tmp_path / "renamed.json", document)
     outcome = jld(*EXPLORE, file, "--out", folder, "--resume", "--jobs", "1", "--json")
     assert (outcome.code, json.loads(outcome.out)["solved"]) == (0, 0)
 

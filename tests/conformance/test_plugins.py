@@ -130,12 +130,10 @@ def test_a_file_format_is_read_and_written_by_its_ending(jld: Command, tmp_path:
     """A tower of two boxes: its scene, its blocks, what a file loses, and a line that is no box."""
     drawn = tmp_path / "tower.boxes"
     drawn.write_text("#s 0 0 0 1 1 1\na 0 0 1 1 1 1\nb 0 0 2 1 1 1\n", encoding="utf-8")
-    done = jld("import", drawn, "-o", tmp_path / "tower.json")
-    assert done.code == 0, done.err
+    done = jld("import", drawn, "-o", tmp_path / "tower.json").done()
     assert "3 boxes" in done.out + done.err
     assert [one["id"] for one in json.loads((tmp_path / "tower.json").read_text())["elements"]] == ["#s", "a", "b"]
-    done = jld("export", tmp_path / "tower.json", "--format", "boxes", "-o", tmp_path / "out.boxes")
-    assert done.code == 0, done.err
+    done = jld("export", tmp_path / "tower.json", "--format", "boxes", "-o", tmp_path / "out.boxes").done()
     assert "materials" in done.out + done.err
     assert len((tmp_path / "out.boxes").read_text().splitlines()) >= 2
     drawn.write_text("a 0 0\n", encoding="utf-8")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +13,7 @@ from benchmarks import large as growth
 from benchmarks.scenes import brick_wall, cubes, vault
 
 from cases import grid_document
-from command import Command
+from command import Command, saved
 from jld_core import Scene, build_assembly, parse_scene, samples
 from jld_core.geometry import planar_contacts
 from jld_core.models import cost_estimate
@@ -78,8 +77,7 @@ def test_a_scene_too_large_for_the_memory_is_refused(
     jld: Command,
 ) -> None:
     """Of hopeless scenes, contacts are not even built; others are refused by the number of their faces."""
-    file = tmp_path / "scene.json"
-    file.write_text(json.dumps(content))
+    file = saved(tmp_path / "scene.json", content)
     monkeypatch.setattr("jld_core.models.costs.memory_limit", lambda: limit)
     if faces.startswith("at least"):
         monkeypatch.delattr("jld_explore.cli.check.build_assembly")
@@ -120,8 +118,7 @@ def test_memory_that_runs_out_is_one_line(tmp_path: Path, monkeypatch: pytest.Mo
 
 @pytest.mark.parametrize("kind", growth.SIZES)
 def test_growth_is_measured_phase_by_phase(kind: str, tmp_path: Path) -> None:
-    file = tmp_path / "scene.json"
-    file.write_text(json.dumps(growth.document(kind, 4)))
+    file = saved(tmp_path / "scene.json", growth.document(kind, 4))
     told = list(growth.phases(file))
     expected = ("scene", "contacts", "λ") if kind in growth.DRY_WALLS else growth.PHASES
     assert sorted(one["phase"] for one in told) == sorted(expected)

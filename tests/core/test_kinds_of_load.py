@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from cases import box, dry_and_inner
+from command import refused
 from jld_core import InputError, build_assembly, geometry_sensitivities, parse_scene, resultants, solve
 from jld_core.build import loads
 
@@ -193,9 +194,8 @@ def test_a_patch_overturns_a_column() -> None:
     ],
 )
 def test_bad_loads_in_the_plane_are_one_line(live: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError, match=message) as found:
+    with refused(match=message):
         build_assembly(parse_scene(slope(live)))
-    assert "\n" not in str(found.value)
 
 
 @pytest.mark.parametrize(
@@ -211,9 +211,8 @@ def test_bad_loads_in_the_plane_are_one_line(live: dict[str, Any], message: str)
     ],
 )
 def test_bad_patches_are_one_line(patch: list[list[float]], load: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError, match=r"loads\.live\[0\]\.face\.patch: .*" + message) as found:
+    with refused(match=r"loads\.live\[0\]\.face\.patch: .*" + message):
         build_assembly(parse_scene(cubes({"face": {"patch": patch}, **load})))
-    assert "\n" not in str(found.value)
 
 
 def test_supports_below_a_patch_take_their_part() -> None:
@@ -324,11 +323,8 @@ REFUSED = [
 
 @pytest.mark.parametrize(("load", "words"), REFUSED)
 def test_wrong_pressures_are_refused_in_one_line(load: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError) as refused:
+    with refused(words, "loads.live[0]"):
         build_assembly(parse_scene(dam(0.5, load)))
-    assert words in str(refused.value)
-    assert "loads.live[0]" in str(refused.value)
-    assert "\n" not in str(refused.value)
 
 
 def bridge(**moving: Any) -> dict[str, Any]:
@@ -407,10 +403,8 @@ def test_axles_follow_each_other_and_turn_round() -> None:
     ],
 )
 def test_wrong_moving_loads_are_refused_in_one_line(moving: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError) as refused:
+    with refused(words, "loads.moving[0]"):
         build_assembly(parse_scene(bridge(**moving)))
-    assert words in str(refused.value)
-    assert "loads.moving[0]" in str(refused.value)
 
 
 # Pushes in several directions: closed forms in the plane and in space, rotation, files, and refusals.
@@ -523,9 +517,8 @@ def test_pushes_equal_stated_cases_beside_moving_loads() -> None:
     ],
 )
 def test_bad_pushes_are_one_line(pushes: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError, match=message) as found:
+    with refused(match=message):
         build_assembly(parse_scene(block(0.3, pushes)))
-    assert "\n" not in str(found.value)
 
 
 def test_pushes_stand_beside_no_live_load() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cases import dry_and_inner, grid_document
-from command import Command
+from command import Command, saved
 from jld_core import InputError, LimitAnalysis, SolveOptions, SolverError, Status, build_assembly, parse_scene, solve
 from jld_core.limit import CaseBounds, case_relaxation, governing
 from jld_core.models import CaseAnalysis
@@ -138,8 +138,9 @@ def test_wrong_cases(loads: dict[str, Any], words: str) -> None:
 
 
 def test_the_command_line(tmp_path: Path, jld: Command) -> None:
-    file = tmp_path / "scene.json"
-    file.write_text(json.dumps(document([{"name": "r", "live": RIGHT}, {"name": "l", "live": LEFT, "required": 2.0}])))
+    file = saved(
+        tmp_path / "scene.json", document([{"name": "r", "live": RIGHT}, {"name": "l", "live": LEFT, "required": 2.0}])
+    )
     found = json.loads(jld("solve", file, "--json").out)
     assert set(found["cases"]) == {"r", "l"}
     assert found["governing"] in found["cases"]

@@ -26,7 +26,7 @@ import jld_practice.laying
 import jld_practice.reactions
 import jld_views
 from cases import dry_and_inner, grid_document, small_scene
-from command import SCENES, Command
+from command import SCENES, Command, saved
 from jld_core import (
     Assembly,
     InputError,
@@ -500,8 +500,7 @@ def test_pictures_of_a_laying_by_command(dimension: int, jld: Command, tmp_path:
     document.pop("members")
     (tmp_path / "scene.json").write_text(json.dumps(document))
     out = tmp_path / "out"
-    done = jld("assembly", tmp_path / "scene.json", "-o", out, "--stages", "--animation")
-    assert done.code == 0
+    jld("assembly", tmp_path / "scene.json", "-o", out, "--stages", "--animation").done()
     written = {file.name for file in out.iterdir()}
     assert {"assembly.csv", "assembly.png", "assembly.gif", "stage-1.png", "stage-3.png"} <= written
 
@@ -581,8 +580,7 @@ def test_jld_plot_writes_the_requested_format(tmp_path: Path, monkeypatch: pytes
         assert jld("plot", WALL, "--out", target, "--ids", "--values").code == 0
         assert target.read_bytes().startswith(begins)
     monkeypatch.chdir(tmp_path)  # a picture of a scene is drawn where one stands
-    scene = tmp_path / "small.json"
-    scene.write_text(parse_scene(small_scene()).model_dump_json(exclude_defaults=True))
+    scene = saved(tmp_path / "small.json", parse_scene(small_scene()))
     assert jld("plot", scene, "--format", "gif").code == 0
     assert (tmp_path / "small.gif").read_bytes().startswith(b"GIF8")
     jld("plot", WALL, "--out", tmp_path / "wall.bmp").refused(".html")

@@ -13,7 +13,7 @@ import shapely
 from cases import assembly_in_space as spatial_assembly
 from cases import box, dry_and_inner, grid_assembly, grid_document
 from cases import wall_in_space as spatial_wall
-from command import Command
+from command import Command, saved
 from jld_core import (
     Assembly,
     InputError,
@@ -167,13 +167,9 @@ def test_the_command(tmp_path: Path, jld: Command) -> None:
     done = jld("refine", scene, "--cell", "0.2,0.1", "-o", out)
     assert (done.code, done.err) == (0, "")
     assert load_scene(out).fingerprint == refine(WALL, (0.2, 0.1)).scene.fingerprint
-    spatial = tmp_path / "vault.json"
-    spatial.write_text(samples.vault().model_dump_json(exclude_defaults=True))
-    bare = tmp_path / "bare.json"
-    bare.write_text(
-        WALL.model_copy(update={"materials": WALL.materials.model_copy(update={"inner": None})}).model_dump_json(
-            exclude_defaults=True
-        )
+    spatial = saved(tmp_path / "vault.json", samples.vault())
+    bare = saved(
+        tmp_path / "bare.json", WALL.model_copy(update={"materials": WALL.materials.model_copy(update={"inner": None})})
     )
     bad = tmp_path / "bad.json"
     for arguments, words in (

@@ -12,7 +12,7 @@ from benchmarks.claims.answers import drawn_converged as drawn
 
 from cases import assembly_in_space as spatial_assembly
 from cases import box, grid_assembly, grid_document
-from command import Command
+from command import Command, saved
 from jld_core import Assembly, LimitAnalysis, build_assembly, parse_scene, solve
 from jld_core.models import sensitivities
 from jld_core.models.sensitivity import _parameters
@@ -102,8 +102,7 @@ def test_no_sensitivities_without_a_program() -> None:
 
 
 def test_the_command_line(tmp_path: Path, jld: Command) -> None:
-    file = tmp_path / "scene.json"
-    file.write_text(json.dumps(grid_document(["a", "#"], friction=1.0)))
+    file = saved(tmp_path / "scene.json", grid_document(["a", "#"], friction=1.0))
     found = json.loads(jld("solve", file, "--json").out)["sensitivities"]
     assert found["friction_coefficient"]["derivative"] is None
     assert found["friction_coefficient"]["left"] == pytest.approx(1.0, rel=1e-6)
@@ -145,8 +144,7 @@ def test_rates_of_many_faces_wait_until_asked(
     size: int, options: tuple[str, ...], known: bool, tmp_path: Path, jld: Command
 ) -> None:
     """A wall of n × n cells has 2n² − n faces beside n at the supports: 128 at n = 8."""
-    file = tmp_path / "scene.json"
-    file.write_text(json.dumps(grid_document(["a" * size] * size + ["#" * size], live=[{"body": [1, 0]}])))
+    file = saved(tmp_path / "scene.json", grid_document(["a" * size] * size + ["#" * size], live=[{"body": [1, 0]}]))
     found = json.loads(jld("solve", file, "--json", *options).out)
     assert ("friction_coefficient" in found["sensitivities"]) == known
     assert ("not_computed" in found["sensitivities"]) != known
@@ -155,7 +153,8 @@ def test_rates_of_many_faces_wait_until_asked(
 
 
 def test_rates_of_many_faces_come_when_asked(tmp_path: Path, jld: Command) -> None:
-    file = tmp_path / "scene.json"
-    file.write_text(json.dumps(grid_document(["a" * 9] * 9 + ["#" * 9], live=[{"body": [1, 0]}], friction=0.5)))
+    file = saved(
+        tmp_path / "scene.json", grid_document(["a" * 9] * 9 + ["#" * 9], live=[{"body": [1, 0]}], friction=0.5)
+    )
     found = json.loads(jld("solve", file, "--json", "--sensitivities").out)["sensitivities"]
     assert found["friction_coefficient"]["derivative"] == pytest.approx(1.0, rel=1e-6)

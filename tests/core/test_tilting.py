@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from cases import box, grid_document
 from cases import scene_in_space as scene
-from command import Command
+from command import Command, refused, saved
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_explore import ExploreSettings, explore
 
@@ -122,8 +122,7 @@ def test_searches_and_commands(jld: Command, tmp_path: Path) -> None:
     furthest = explore(PORTAL, settings=settings, objective="tilt_angle")
     assert low - 1e-9 <= furthest.summary.best <= high
     assert math.degrees(angle(solve(PORTAL, furthest.results["labelling"].iloc[0]))) == furthest.summary.best
-    path = tmp_path / "scene.json"
-    path.write_text(json.dumps(PORTAL), encoding="utf-8")
+    path = saved(tmp_path / "scene.json", PORTAL)
     told = json.loads(jld("solve", path, "--json").out)
     assert told["tilt_bracket"][0] <= told["tilt_angle"] <= told["tilt_bracket"][1]
     assert f"{told['tilt_angle']:.6g}" in jld("solve", path).out
@@ -207,9 +206,8 @@ BAD: dict[str, tuple[Document, str]] = {
 @pytest.mark.parametrize("case", BAD)
 def test_a_wrong_tilt_is_one_line(case: str) -> None:
     loads, message = BAD[case]
-    with pytest.raises(InputError, match=message) as error:
+    with refused(match=message):
         build_assembly(parse_scene({**block(1, 1), "loads": loads}))
-    assert "\n" not in str(error.value)
 
 
 def test_what_does_not_turn_is_refused() -> None:
@@ -226,8 +224,7 @@ def test_files_hold_a_tilt_as_a_body_load(jld: Command, tmp_path: Path) -> None:
     del document["materials"]["inner"]
     for name, entry in (("tilt", {"tilt": {"towards": [-2, 0]}}), ("body", {"body": [-1, 0]})):
         document["loads"]["live"] = [entry]
-        path = tmp_path / f"{name}.json"
-        path.write_text(json.dumps(document), encoding="utf-8")
+        path = saved(tmp_path / f"{name}.json", document)
         assert jld("export", path, "--format", "compas", "-o", tmp_path / f"{name}.out").code == 0
         written.append((tmp_path / f"{name}.out").read_text(encoding="utf-8"))
     assert written[0] == written[1]

@@ -22,8 +22,7 @@ from jld_core.batch import batch_solver
 from jld_core.limit import case_relaxation
 from jld_explore import search_space
 from jld_explore.drivers import DRIVERS
-from jld_explore.drivers.exact.conflict_generation import conflict_of
-from proofs import cp
+from proofs import conflicts_of, cp
 
 OPEN = 5
 """Faces left undecided: 32 labellings each."""
@@ -110,7 +109,7 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
     known = np.array([highest(analysis, row) for row in rows])
     finite = known[np.isfinite(known)]
     threshold = float(np.quantile(finite, 0.9)) if finite.size else 1.0
-    found = [conflict_of(relaxation, row, np.ones(m, dtype=bool), threshold) for row in rows[:25]]
+    found = conflicts_of(relaxation, rows[:25], threshold)
     conflicts = [(c.faces, c.labels, c.bound) for c in found if c is not None]
     if relaxation.batched:
         asked = batch_solver.ConflictRequest(

@@ -18,9 +18,7 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, parse_scene, solve
 from jld_dilation import ProximalOptions, certificate, modes, prove_zero_dilation
-from jld_dilation.rlt_relaxation import LowerBoundProblem, RltOptions, solve_rlt
-from jld_dilation.sweep import BlockSweep
-from proofs import block
+from proofs import block, first_step, relaxed_products
 
 
 def below(assembly: Assembly, seconds: float = 60.0) -> dict[str, Any]:
@@ -119,7 +117,7 @@ def relaxation() -> tuple[Any, Any, modes.BoundedModes, certificate.Certifier, A
     scale = LimitAnalysis(assembly).template.scaling.load
     forms, region, bounded, check = certifier(assembly, 0.66 / scale)
     pairs = np.ones((len(forms.rows), len(forms.forms)), dtype=bool)
-    return forms, region, bounded, check, solve_rlt(bounded, region, RltOptions(pairs, 1e-8)), scale
+    return forms, region, bounded, check, relaxed_products(bounded, region, pairs, 1e-8), scale
 
 
 def test_certificate_of_a_false_bound_is_refused(relaxation: Any) -> None:
@@ -143,11 +141,10 @@ def test_blocks_agree_with_the_library() -> None:
     scale = LimitAnalysis(assembly).template.scaling.load
     forms, region, bounded, _ = certifier(assembly, 0.41 / scale, 1e-6)
     everything = np.ones((len(forms.rows), len(forms.forms)), dtype=bool)
-    other = solve_rlt(bounded, region, RltOptions(everything, 1e-6))
+    other = relaxed_products(bounded, region, everything, 1e-6)
     bounds = []
     for distance in (None, 9, 1):
-        options = RltOptions(everything, 1e-6, 60.0, distance)
-        own = certificate.solve_rlt_by_matrix_blocks(bounded, region, options)
+        own = relaxed_products(bounded, region, everything, 1e-6, blocks=True, distance=distance)
         blocks = certificate.BlockCertifier(bounded, region, 1e-6, distance)
         bounds.append(own.multipliers.bound)
         assert -np.inf < blocks.bound(own.multipliers) <= 0.4 / scale
@@ -164,11 +161,10 @@ def test_the_first_step_of_large_scenes_excludes_a_part_of_the_way(times: float)
     assembly = build_assembly(halved_bond(2, 2, friction=friction))
     scale = LimitAnalysis(assembly).template.scaling.load
     _, _, bounded, _ = certifier(assembly, 1.1 * times * friction / scale)
-    problem = LowerBoundProblem(times * friction / scale, 60.0)
-    proven = BlockSweep(bounded, problem).partial_bound(0.0) * scale
-    assert problem.solve_log == ["part of the way"]
+    proven, log = first_step(bounded, times * friction / scale)
+    assert log == ["part of the way"]
     least = 0.98 * min(0.75 * times, 1.0) * friction
-    assert least <= proven <= min(0.75 * times, 1.0) * friction
+    assert least <= proven * scale <= min(0.75 * times, 1.0) * friction
 
 
 OPENED = opened_wall(0, 1)

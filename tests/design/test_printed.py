@@ -17,7 +17,7 @@ import shapely
 from matplotlib.figure import Figure
 
 from cases import grid_document
-from command import Command
+from command import Command, saved
 from jld_core import InputError, Layout, build_assembly, parse_scene, samples, solve
 from jld_practice import Printed, Stone, languages, making_of, pages_of, smallest_rectangle, stones_of, stones_table
 from jld_practice.laying import assembly_order
@@ -174,8 +174,7 @@ def test_pdf_table_and_archive(jld: Command, tmp_path: Path) -> None:
     """The same scene gives the same bytes; the archive holds scene, PDF and cutting list."""
     scene = tmp_path / "arch.json"
     assert jld("new", "flat-arch", "-o", scene).code == 0
-    done = jld("report", scene, "--pdf", "--zip", "--language", "it")
-    assert done.code == 0, done.err
+    jld("report", scene, "--pdf", "--zip", "--language", "it").done()
     first = (tmp_path / "arch.pdf").read_bytes()
     assert first.startswith(b"%PDF")
     table = pd.read_csv(tmp_path / "arch.stones.csv")
@@ -381,10 +380,8 @@ def test_the_least_number_of_known_cases(volumes: list[float], expected: int) ->
 
 def test_the_command_writes_where_stones_lie(jld: Command, tmp_path: Path) -> None:
     """The table holds every stone in millimetres; the line says number, bound and waste."""
-    scene = tmp_path / "wall.json"
-    scene.write_text(parse_scene(grid_document(["aab", "ccb", "###"])).model_dump_json(exclude_defaults=True))
-    done = jld("report", scene, "--pdf", "--stock", "10000,10000,10000", "--kerf", "5")
-    assert done.code == 0, done.err
+    scene = saved(tmp_path / "wall.json", parse_scene(grid_document(["aab", "ccb", "###"])))
+    done = jld("report", scene, "--pdf", "--stock", "10000,10000,10000", "--kerf", "5").done()
     assert "1 stock cuboid, the least number; waste" in done.out
     table = pd.read_csv(tmp_path / "wall.stock.csv")
     assert len(table) == 3
@@ -406,8 +403,7 @@ def test_the_command_writes_where_stones_lie(jld: Command, tmp_path: Path) -> No
 )
 def test_bad_stock_is_one_line(jld: Command, tmp_path: Path, flags: list[str], words: str) -> None:
     """Exit code 2, one line, nothing written."""
-    scene = tmp_path / "wall.json"
-    scene.write_text(parse_scene(grid_document(["aab", "ccb", "###"])).model_dump_json(exclude_defaults=True))
+    scene = saved(tmp_path / "wall.json", parse_scene(grid_document(["aab", "ccb", "###"])))
     jld("report", scene, *flags).refused(words)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["wall.json"]
 

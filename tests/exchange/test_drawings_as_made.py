@@ -230,8 +230,7 @@ def test_the_tolerance_is_in_the_unit_of_the_drawing(
     call(monkeypatch, capsys, "import", path, "-o", out, "--unit", "mm").refused(
         "--tolerance 0.011 (in mm) closes such gaps"
     )
-    done = call(monkeypatch, capsys, "import", path, "-o", out, "--unit", "mm", "--tolerance", "0.011")
-    assert done.code == 0
+    done = call(monkeypatch, capsys, "import", path, "-o", out, "--unit", "mm", "--tolerance", "0.011").done()
     assert "by at most 0.01 mm; tolerance 0.011 mm" in done.out
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from cases import box
 from cases import scene_in_space as scene
-from command import Command
+from command import Command, refused
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_formats import forces, import_file
 
@@ -85,11 +85,8 @@ def test_spellings(text: str, values: tuple[float, ...]) -> None:
     ],
 )
 def test_unparsed_rests_of_force_texts_are_refused_and_quoted(text: str, problem: str) -> None:
-    with pytest.raises(InputError) as complaint:
+    with refused(problem, " ".join(repr(text).split())):
         forces.parse_force(text)
-    assert problem in str(complaint.value)
-    assert " ".join(repr(text).split()) in str(complaint.value)
-    assert "\n" not in str(complaint.value)
 
 
 def test_the_unit_of_the_scene_is_the_unit_of_the_result() -> None:
@@ -236,9 +233,8 @@ def test_texts_that_may_belong_to_two_lines_are_asked_for(
     texts: list[Any], words: str, back: bool, tmp_path: Path
 ) -> None:
     lines = [((0.5, 3.0), (0.5, 2.0)), ((1.5, 3.0), (1.5, 2.0))]
-    with pytest.raises(InputError, match=words) as complaint:
+    with refused(match=words):
         drawn(tmp_path / "asked.dxf", PIER, lines, texts, back=back)
-    assert "\n" not in str(complaint.value)
 
 
 # A load on a block that is joined to a support: a file of blocks that could not be read again is not written.

@@ -11,6 +11,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from command import refused
 from files.bombs import bombs
 from jld_core import InputError, parse_scene
 from jld_formats import ImportOptions, Notes, import_file, libraries
@@ -27,10 +28,8 @@ def test_what_expands_or_branches_ends_in_one_line(name: str, tmp_path: Path) ->
         pytest.importorskip(library)
     write, words = BOMBS[name]
     write(tmp_path / name)
-    with pytest.raises(InputError) as caught:
+    with refused(words):
         import_file(tmp_path / name)
-    assert words in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="small files are read in this process where it cannot be copied")
@@ -107,9 +106,8 @@ def test_a_damaged_3dm_ends(seed: int, tmp_path: Path) -> None:
     for place in range(200 + 37 * seed, len(content), 997):
         content[place] ^= 0x5A
     path.write_bytes(content)
-    with pytest.raises(InputError) as caught:  # it has no support in any case
+    with refused():
         import_file(path)
-    assert "\n" not in str(caught.value)
 
 
 def test_too_many_forces_and_chords_are_refused_with_their_number(tmp_path: Path) -> None:

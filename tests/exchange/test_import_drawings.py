@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from command import call
+from command import call, refused
 from jld_core import Assembly, InputError, build_assembly, load_scene, parse_scene, samples, solve
 from jld_formats import ImportOptions, import_file
 
@@ -577,9 +577,8 @@ def test_supports_that_bear_nothing_are_explained(
     space.add_lwpolyline(outline, close=True, dxfattribs={"layer": "Träger"})
     space.add_lwpolyline(support, close=len(support) > 2, dxfattribs={"layer": "Auflager"})
     document.saveas(tmp_path / "beam.dxf")
-    with pytest.raises(InputError) as error:
+    with refused(words):
         built(tmp_path / "beam.dxf")
-    assert words in str(error.value)
 
 
 def test_a_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from command import Command
+from command import Command, refused
 from files.make import File, shelf
 from jld_core import InputError, build_assembly, parse_scene
 from jld_core.scene import units
@@ -155,8 +155,7 @@ def wall(space: Any) -> None:
 def test_layers_of_import_design_and_studio(tmp_path: Path, jld: Command) -> None:
     path, out = drawing(tmp_path / "a.dxf", wall), tmp_path / "a.json"
     layers = ["--skip", "ANB*", "--hole", "X1", "--support", "G"]
-    done = jld("import", path, "-o", out, "--json", *layers)
-    told = json.loads(done.out)
+    told = json.loads(jld("import", path, "-o", out, "--json", *layers).out)
     assert (told["elements"], told["supports"], told["area"], told["unit"]) == (2, 1, pytest.approx(5.4), "m")
     assert (told["size"], told["doubtful"]) == ([pytest.approx(4.0), pytest.approx(2.3)], [])
     assert any("on layer ANBAU" in words for words in told["dropped"])
@@ -229,10 +228,8 @@ def test_file(file: File, tmp_path: Path) -> None:
     path = tmp_path / file.name
     file.write(path)
     if file.refused:
-        with pytest.raises(InputError) as caught:
+        with refused(file.refused):
             import_file(path, ImportOptions(**file.options))
-        assert file.refused in str(caught.value)
-        assert "\n" not in str(caught.value)
         return
     found = import_file(path, ImportOptions(**file.options))
     build_assembly(parse_scene(found.document))

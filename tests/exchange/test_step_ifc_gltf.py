@@ -14,7 +14,7 @@ import pytest
 
 from cases import box, grid_document
 from cases import scene_in_space as pile
-from command import SCENES, call
+from command import SCENES, call, refused
 from jld_core import InputError, Layout, ParameterError, Scene, blocks_csv, build_assembly, parse_scene, samples, solve
 from jld_formats import ImportOptions, export, import_file
 
@@ -420,9 +420,8 @@ def test_ifc_densities_in_other_units(tmp_path: Path) -> None:
     ("shape", "words"), [(drum, "IfcColumn 'drum': its shape is IfcCircleProfileDef"), (ball, "IfcSphere")]
 )
 def test_curved_ifc_shapes_are_named(shape: Any, words: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=words) as caught:
+    with refused(match=words):
         import_file(ifc_model(tmp_path, None, slab, shape))
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("content", [b"nonsense", b"ISO-10303-21;\nHEADER;\n", b"\xff\x00" * 100])

@@ -331,8 +331,7 @@ def test_bond_is_exported_or_refused_in_one_line(kind: str, tmp_path: Path) -> N
 
 def test_the_command_names_what_is_lost(jld: Command, tmp_path: Path) -> None:
     (tmp_path / "scene.json").write_text(json.dumps(PLANAR["fields"]))
-    done = jld("export", tmp_path / "scene.json", "--format", "obj", "-o", tmp_path / "a.obj")
-    assert done.code == 0
+    done = jld("export", tmp_path / "scene.json", "--format", "obj", "-o", tmp_path / "a.obj").done()
     (line,) = [one for one in done.out.splitlines() if one.startswith("not kept")]
     for word in ("cracks", "design", "loads", "materials", "search", "labels (2 inner faces)"):
         assert word in line

@@ -29,7 +29,6 @@ from jld_experiment import (
     specimen_of,
 )
 from jld_experiment.experiment import scout
-from jld_experiment.subcontacts import sub_contacts
 
 ASSOCIATIVE = Joints(dilation="friction", inner="plastic")
 NO_DILATION = Joints(dilation=0.0, inner="plastic")
@@ -353,7 +352,7 @@ def test_torsion_of_a_prism(sides: int) -> None:
 def test_sub_contacts_of_a_polygon(scheme: str, sides: int) -> None:
     """Areas are positive, add up, and leave the centroid where it is; Simpson's give the second moments exactly."""
     assembly = build_assembly(parse_scene(prism(sides, {"force": [1, 0, 0]})))
-    points = sub_contacts(assembly, assembly.labels, scheme, 3)
+    points = specimen_of(assembly, assembly.labels, Joints(), Settings(scheme=scheme, segments=3)).points
     x1, x2, area = points.place.T
     assert area.min() > 0.0
     assert area.sum() == pytest.approx(assembly.interfaces.area[0], rel=1e-12)

@@ -15,7 +15,7 @@ from studies.scenes import stacked_cubes
 
 from cases import dry_and_inner
 from command import SCENES as SCENES_of_command
-from command import Command
+from command import Command, saved
 from jld_core import Scene, build_assembly, load_scene, parse_scene, solve
 from jld_experiment import experiments as module
 from jld_explore import ExploreSettings, explore
@@ -125,12 +125,10 @@ def scene() -> Scene:
 @pytest.mark.usefixtures("without_pictures")
 def test_a_column_for_the_best(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     """K experiments, at most λ each; gone on with, none is run again and the column stays."""
-    path = tmp_path / "scene.json"
-    path.write_text(json.dumps(DOCUMENT), "utf-8")
+    path = saved(tmp_path / "scene.json", DOCUMENT)
     out = tmp_path / "out"
     options = ("--experiment", "3", "--jobs", "1", "--json")
-    done = jld("explore", path, "--out", out, *options)
-    assert done.code == 0, done.err
+    done = jld("explore", path, "--out", out, *options).done()
     table = pd.read_csv(out / "results.csv", dtype={"labelling": str})
     assert table["experiment"].notna().tolist() == [True] * 3 + [False] * (len(table) - 3)
     best = table.head(3)
@@ -144,8 +142,7 @@ def test_a_column_for_the_best(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
         raise AssertionError("run again")
 
     monkeypatch.setattr(module, "one_experiment", refuse)
-    again = jld("explore", path, "--out", out, *options, "--resume")
-    assert again.code == 0, again.err
+    jld("explore", path, "--out", out, *options, "--resume").done()
     assert (out / "experiments.csv").read_bytes() == kept
     assert pd.read_csv(out / "results.csv", dtype={"labelling": str})["experiment"].notna().sum() == 3
 
@@ -225,9 +222,7 @@ def test_an_experiment_writes_its_folder(tmp_path: Path, jld: Command) -> None:
     path = scene_of_command(tmp_path, ["aab", "acc", "###"], [{"body": [1, 0]}])
     out = tmp_path / "out"
     options = ("--inner", "plastic", "--dilation", "friction", "--out", out, "--json")
-    done = jld("experiment", path, *options)
-    assert done.code == 0, done.err
-    found = json.loads(done.out)
+    found = json.loads(jld("experiment", path, *options).done().out)
     assert set(found) >= KEYS
     assert found["status"] == "collapse"
     assert found["stands"] is True
@@ -243,9 +238,7 @@ def test_an_experiment_writes_its_folder(tmp_path: Path, jld: Command) -> None:
 def test_structures_that_do_not_stand(tmp_path: Path, jld: Command) -> None:
     path = scene_of_command(tmp_path, ["aa", "#."], [{"element": "c1r0", "force": [0, -1]}])
     path.write_text(path.read_text("utf-8").replace("20000.0", "10.0"), "utf-8")
-    done = jld("experiment", path, "--json", "--out", tmp_path / "out")
-    assert done.code == 0, done.err
-    found = json.loads(done.out)
+    found = json.loads(jld("experiment", path, "--json", "--out", tmp_path / "out").done().out)
     assert found["stands"] is False
     assert found["status"] in ("falls", "creeps")
     assert found["collapse_load"] is None

@@ -22,7 +22,7 @@ import pytest
 from benchmarks.claims import run as run_claim
 
 from cases import every_layout, grid_document
-from command import Command, entry, main, running
+from command import Command, entry, main, running, saved
 from jld_core import (
     Deadline,
     DeadlinePassed,
@@ -535,8 +535,7 @@ def test_an_interrupt_before_any_result_is_one_line(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    file = tmp_path / "arch.json"
-    file.write_text(json.dumps(arch().model_dump(mode="json", exclude_defaults=True, by_alias=True)))
+    file = saved(tmp_path / "arch.json", arch().model_dump(mode="json", exclude_defaults=True, by_alias=True))
     monkeypatch.setattr("jld_practice.laying.command.assembly_order", interrupted)
     done = jld("assembly", file)
     assert (done.code, done.out) == (3, "")
@@ -551,8 +550,7 @@ def test_a_move_keeps_time_for_its_checks(jld: Command, tmp_path: Path, monkeypa
         given.append(seconds)
         return move_joints(*arguments, seconds=0.0, **options)
 
-    file = tmp_path / "arch.json"
-    file.write_text(json.dumps(arch().model_dump(mode="json", exclude_defaults=True, by_alias=True)))
+    file = saved(tmp_path / "arch.json", arch().model_dump(mode="json", exclude_defaults=True, by_alias=True))
     monkeypatch.setattr("jld_geometry.moving.move_joints", mover)
     assert jld("move", file, "-o", tmp_path / "moved.json", "--seconds", "100").code == 0
     assert 60.0 < given[0] < 80.0

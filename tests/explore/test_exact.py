@@ -19,10 +19,10 @@ from cases import scene_in_space as scene
 from jld_core import LimitAnalysis, Scene, SolveOptions, Status, build_assembly, parse_scene
 from jld_explore import Evaluation, Exploration, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS, make_driver
-from jld_explore.drivers.exact.formula import Formula
 from jld_explore.evaluation import Records
 from jld_explore.space import count_named, feasible, values_of
 from jld_explore.verification import verify
+from proofs import formula_of
 
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "pairs": (["aaa", "aaa", "###"], {"block_cells": [1, 2]}),
@@ -192,14 +192,22 @@ def test_exact_proves_the_same_as_enumeration_in_space(
         assert proven[count]["load_factor"] == pytest.approx(value, rel=1e-6, abs=1e-6)
 
 
-@pytest.mark.sampled(2)
+WAYS: dict[str, dict[str, Any]] = {
+    "blocks are not listed": {"list_blocks": False},
+    "the proof alone": {"aim": "front", "search": 0},
+    "the bound in steps": {"aim": "front", "step_after": 2},
+}
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("name", ONE_BY_ONE)
-def test_blocks_need_not_be_listed(name: str, tmp_path: Path, enumerated: Enumerated) -> None:
+def test_every_way_of_a_proof_finds_the_best(name: str, way: str, tmp_path: Path, enumerated: Enumerated) -> None:
     rows, options = SCENES[name]
-    if "blocks" in options:
+    if "blocks" in options and "list_blocks" in WAYS[way]:
         pytest.skip("blocks are counted where they are listed")
     every = enumerated(rows, options)
-    found = search(rows, options, tmp_path / "exact", "exact", list_blocks=False)
+    found = search(rows, options, tmp_path / "exact", "exact", **WAYS[way])
     assert found.summary.proven is True
     assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
 
@@ -289,16 +297,6 @@ def test_faces_no_block_contains_are_dry_in_every_bound(
 
 TREES = [*SCENES, "very strong", "no friction", "overhang"]
 BEGUN = (next(iter(SCENES)), "very strong", "no friction", "overhang")
-
-
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize("name", ONE_BY_ONE)
-def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path, enumerated: Enumerated) -> None:
-    rows, options = SCENES[name]
-    every = enumerated(rows, options)
-    found = search(rows, options, tmp_path / "exact", "exact", aim="front", search=0)
-    assert found.summary.proven is True
-    assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
 
 
 @pytest.mark.sampled(6)
@@ -404,14 +402,6 @@ def test_the_block_relaxation_bounds_the_root() -> None:
     assert best < bounds[0] < 0.72 < bounds[1] == pytest.approx(0.75, rel=1e-6)
 
 
-def test_long_proofs_lower_the_bound_in_steps(tmp_path: Path) -> None:
-    rows, options = SCENES["weak"]
-    every = search(rows, options, tmp_path / "every", "enumeration")
-    found = search(rows, options, tmp_path / "exact", "exact", aim="front", step_after=2)
-    assert found.summary.proven is True
-    assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
-
-
 def test_a_front_that_was_enumerated_is_reported(tmp_path: Path) -> None:
     rows, options = ["aaa", "###"], {"segmentation": False, "front": {"count": "blocks", "sense": "min"}}
     every = search(rows, options, tmp_path / "every", "enumeration")
@@ -452,17 +442,13 @@ def space_of(count: str, **limits: Any) -> SearchSpace:
     return search_space(scene, build_assembly(scene))
 
 
-def formula_of(space: SearchSpace, *, listed: bool = True) -> Formula:
-    return Formula(space, DRIVERS["exact"](space, list_blocks=listed).context.blocks)
-
-
 def range_of(count: str, *ends: int | None) -> Any:
     """Bounds of a count as the limits of a space state them."""
     limits = space_of(count, **{count: list(ends)}).limits
     return next(bounds for one, bounds in limits.on_counts if one.name == count)
 
 
-def left(formula: Formula) -> list[np.ndarray]:
+def left(formula: Any) -> list[np.ndarray]:
     """All labellings that are left, up to symmetry, each set aside once found."""
     rows: list[np.ndarray] = []
     while (labels := formula.next()) is not None:

@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 
 from cases import grid_document, replace_processes
-from command import Command
+from command import Command, saved
 from jld_core import Deadline, InputError, Status, build_assembly, parse_scene, solve, solve_many
 from jld_core.fields import bounds as field_bounds
 from jld_core.fields import bounds_by_fields
@@ -570,10 +570,8 @@ def test_options_for_cracks_by_faces_alone_are_refused(tmp_path: Path) -> None:
 
 
 def test_the_command_line_searches_by_fields(jld: Command, tmp_path: Path) -> None:
-    path = tmp_path / "scene.json"
-    path.write_text(json.dumps(document_of_cracks()), encoding="utf-8")
-    told = jld("explore", path, "--out", tmp_path / "out", "--cracks", "fields:0.4", "--jobs", "1", "--json")
-    assert told.code == 0, told.err
+    path = saved(tmp_path / "scene.json", document_of_cracks())
+    told = jld("explore", path, "--out", tmp_path / "out", "--cracks", "fields:0.4", "--jobs", "1", "--json").done()
     assert json.loads(told.out)["cracks"] == {"kind": "fields", "gap": 0.4}
     # the folder remembers its crack model
     rank = json.loads(jld("solve", tmp_path / "out", "--rank", "1", "--json").out)

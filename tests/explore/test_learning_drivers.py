@@ -5,12 +5,13 @@ from __future__ import annotations
 import sqlite3
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from benchmarks.claims import run as run_claim
 
-from cases import grid_document
+from cases import grid_document, space_of
 from command import SCENES
 from jld_core import LimitAnalysis, Status, build_assembly, load_scene, parse_scene
 from jld_core.limit import mechanism
@@ -103,6 +104,8 @@ def test_crowding_is_that_of_the_definition() -> None:
 
 WALL = [*["aaaa"] * 4, "####"]
 OPTIONS = {"block_cells": [1, 3], "tension": 5e3, "shear": 5e3}
+# cells that overhang a support, in blocks of two to four: few layouts balance
+OVERHANG = grid_document([*["aaaaa"] * 3, "..#.."], block_cells=[2, 4], friction=0.2)
 
 
 @pytest.mark.parametrize("kernel", ["", "off"])
@@ -143,11 +146,19 @@ def test_a_small_space_is_left_completely_known(driver: str, options: dict[str, 
 
 
 @pytest.mark.sampled(2)
-@pytest.mark.parametrize(("name", "options"), [("anneal", {"chains": 4}), ("portfolio", {})])
-def test_evaluations_decide_what_is_next_and_no_clock(name: str, options: dict[str, int]) -> None:
+@pytest.mark.parametrize(
+    ("name", "options", "document"),
+    [
+        ("anneal", {"chains": 4}, grid_document(WALL, **OPTIONS)),
+        ("portfolio", {}, grid_document(WALL, **OPTIONS)),
+        ("portfolio", {}, OVERHANG),
+    ],
+)
+def test_evaluations_decide_what_is_next_and_no_clock(
+    name: str, options: dict[str, int], document: dict[str, Any]
+) -> None:
     """The same seed and budget give the same rows, whatever portions answers come in and what is prepared meanwhile."""
-    scene = parse_scene(grid_document(WALL, **OPTIONS))
-    space = search_space(scene, build_assembly(scene))
+    space = space_of(document)
     solver = Evaluator(space.assembly, EvaluatorSettings())
     asked = []
     for portion in (None, 7):
@@ -161,12 +172,14 @@ def test_evaluations_decide_what_is_next_and_no_clock(name: str, options: dict[s
     assert (asked[0] == asked[1]).all()
 
 
-def test_two_jobs_give_the_table_of_one(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "document", [grid_document(["aaaaaaaa", "aaaaaaaa", "#......#"], block_cells=[2, 6]), OVERHANG]
+)
+def test_two_jobs_give_the_table_of_one(document: dict[str, Any], tmp_path: Path) -> None:
     """The second one halves batches and decides beside them what stands, where not all layouts do."""
-    document = grid_document(["aaaaaaaa", "aaaaaaaa", "#......#"], block_cells=[2, 6])
     tables = []
     for jobs in (1, 2):
-        settings = ExploreSettings(driver="portfolio", budget=300, jobs=jobs, pictures=False, check_fields=0)
+        settings = ExploreSettings(driver="portfolio", budget=300, jobs=jobs, small=0, pictures=False, check_fields=0)
         done = explore(parse_scene(document), tmp_path / str(jobs), settings)
         tables.append(done.results.drop(columns="seconds").to_csv(index=False))
     assert tables[0] == tables[1]

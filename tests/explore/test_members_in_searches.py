@@ -15,6 +15,7 @@ import pytest
 from benchmarks.claims import run as run_claim
 
 from cases import dry_and_inner, every_layout, grid_document
+from command import saved
 from jld_core import InputError, Layout, SolveOptions, Status, build_assembly, parse_scene, solve
 from jld_core.models import solve_by_fields
 from jld_explore import ExploreSettings, explore, search_space
@@ -229,8 +230,7 @@ def test_members_are_refused_in_one_line(use: Callable[[], None]) -> None:
 @pytest.mark.parametrize("command", ["thrust", "settlement", "assembly", "experiment"])
 def test_commands_end_with_two_and_name_the_file(command: str, tmp_path: Path, jld: Callable[..., Any]) -> None:
     down = [{"name": "s", "supports": [{"elements": ["c0r2"], "move": [0, -1]}]}]
-    file = tmp_path / "wall.json"
-    file.write_text(json.dumps(wall([STRAP], settlements=down)))
+    file = saved(tmp_path / "wall.json", wall([STRAP], settlements=down))
     done = jld(command, str(file))
     assert (done.code, done.out) == (2, "")
     said = [line for line in done.err.splitlines() if "warning" not in line]

@@ -19,7 +19,7 @@ import pandas as pd
 import pytest
 
 from cases import dry_and_inner, grid_document
-from command import ROOT, Command, ended
+from command import ROOT, Command, ended, refused
 from jld_core import InputError, Status, parse_scene
 from jld_explore import Evaluation, ExploreSettings, explore, read_folder
 from jld_explore.evaluation import Records
@@ -159,9 +159,8 @@ def test_cut_anywhere_or_full_of_garbage(tmp_path: Path) -> None:
 )
 def test_forged_records_are_refused(statement: str, tmp_path: Path) -> None:
     change(filled(tmp_path), statement)
-    with pytest.raises(InputError, match="it is damaged") as error:
+    with refused(match="it is damaged"):
         Records(tmp_path, HEADER, FACES)
-    assert "\n" not in str(error.value)
 
 
 def test_a_forged_status_with_a_right_checksum_is_refused(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 from scipy.stats import norm
 
 from cases import ROUTE, dry_and_inner, grid_document
-from command import Command
+from command import Command, saved
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.scene import uncertain
 from jld_practice.reliability import (
@@ -478,8 +478,7 @@ def test_scenes_without_reliability_are_refused_in_one_line(scene: Any, said: st
 
 
 def test_the_command_prints_the_keys_and_refuses_wrong_options(jld: Command, tmp_path: Path) -> None:
-    path = tmp_path / "block.json"
-    path.write_text(json.dumps(block(vary(0.6), [vary(9500.0, 0.2), 0.0])))
+    path = saved(tmp_path / "block.json", block(vary(0.6), [vary(9500.0, 0.2), 0.0]))
     done = jld("reliability", path, "--json", "--samples", 500, "--jobs", 2)
     assert (done.code, done.err) == (0, "")
     told = json.loads(done.out)
@@ -504,8 +503,9 @@ def test_a_search_ranks_its_best_layouts_by_reliability(
     document["materials"]["dry"] = {"friction_coefficient": vary(0.75, each=True)}
     document["loads"]["live"] = [{"body": vary([0.3, 0.0], 0.2)}]
     path.write_text(json.dumps(document))
-    done = jld("explore", path, "--out", out, "--objective", "reliability", "--reliability", 2, "--jobs", 1, "--json")
-    assert done.code == 0
+    done = jld(
+        "explore", path, "--out", out, "--objective", "reliability", "--reliability", 2, "--jobs", 1, "--json"
+    ).done()
     told = json.loads(done.out)["reliability"]
     assert told["left_out"] == 0
     indices = [row["beta_monte_carlo"] for row in told["layouts"]]

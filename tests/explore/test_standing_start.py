@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,9 +9,8 @@ import pytest
 
 from cases import box, every_layout, grid_document, standing_of
 from jld_core import Status, build_assembly, parse_scene
-from jld_explore import Evaluation, ExploreSettings, SearchSpace, explore, search_space
+from jld_explore import Evaluation, SearchSpace, search_space
 from jld_explore.drivers import DRIVERS
-from jld_explore.drivers.standing_start import StandingStart
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
 
 # Cells that overhang a support, in blocks of two to four: few layouts balance.
@@ -26,8 +24,8 @@ def space_of(document: dict[str, Any]) -> SearchSpace:
 
 
 def bonds(space: SearchSpace, labellings: Any) -> tuple[Any, Any]:
-    start = StandingStart(space, lambda own: DRIVERS["random"](own, 0))
-    assert start._make_driver() is not None
+    start = DRIVERS["portfolio"](space, 0).standing_start
+    assert start._made() is not None
     return start._bonds(labellings)
 
 
@@ -99,29 +97,4 @@ def test_nothing_is_looked_at_where_layouts_stand() -> None:
     assert driver.standing_start._driver is None
     pushed = {"live": [{"element": "c0r0", "force": [1, 0]}]}
     weightless = space_of({**DOCUMENT, "loads": pushed, "materials": {**DOCUMENT["materials"], "density": 0}})
-    assert StandingStart(weightless, lambda own: DRIVERS["random"](own, 0))._make_driver() is None
-
-
-def test_portions_of_answers_do_not_matter() -> None:
-    space = space_of(DOCUMENT)
-    solver = Evaluator(space.assembly, EvaluatorSettings())
-    asked = []
-    for portion in (None, 7):
-        driver, rows = DRIVERS["portfolio"](space, 3), []
-        while sum(map(len, rows)) < 260:
-            rows.append(driver.ask(portion))
-            if portion is None:
-                driver.prepare()
-            driver.tell(rows[-1], solver.evaluate_all(rows[-1]))
-        asked.append(np.concatenate(rows)[:260])
-    assert (asked[0] == asked[1]).all()
-
-
-def test_two_jobs_give_the_table_of_one(tmp_path: Path) -> None:
-    tables = []
-    for jobs in (1, 2):
-        settings = ExploreSettings(driver="portfolio", budget=200, jobs=jobs, small=0, pictures=False, check_fields=0)
-        done = explore(parse_scene(DOCUMENT), tmp_path / str(jobs), settings)
-        tables.append(done.results.drop(columns="seconds").to_csv(index=False))
-    assert tables[0] == tables[1]
-    assert done.results["stands_at_zero"].any()
+    assert DRIVERS["portfolio"](weightless, 0).standing_start._make_driver() is None

@@ -26,15 +26,14 @@ from pysat.solvers import Solver
 from cases import box, dry_and_inner, grid_document
 from cases import scene_in_space as spatial_document
 from command import SCENES as SCENE_FILES
-from command import Command, Outcome
+from command import Command, Outcome, refused
 from jld_core import InputError, LimitAnalysis, build_assembly, parse_scene
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS as KINDS
-from jld_explore.drivers.exact.proof_check import refutation
 from jld_explore.space import feasible
 from jld_explore.verification import Checker, verify
 from jld_explore.verification import certificate as proof_file
-from jld_explore.verification.verify import follows
+from proofs import refutation_of
 
 ROOM = Path(__file__).parents[2] / "src" / "jld_explore" / "verification"
 
@@ -203,7 +202,12 @@ def test_counts_are_stated_as_they_are_counted() -> None:
 
 
 def test_refutations_are_checked_step_by_step() -> None:
-    rng, found = random.Random(5), 0
+    rng, found, checker = random.Random(5), 0, checker_of(SCENES["weak"])
+
+    def follows(literals: Any, by: Any, known: Any) -> bool:
+        checker.clauses = dict(known)
+        return checker.clause(proof_file.Lemma(tuple(literals), tuple(by))) is not None
+
     for _ in range(150):
         count = rng.randint(3, 12)
         clauses = [
@@ -212,7 +216,7 @@ def test_refutations_are_checked_step_by_step() -> None:
         ]
         with Solver("glucose4", bootstrap_with=clauses) as solver:
             satisfiable = solver.solve()
-        proof = refutation(clauses)
+        proof = refutation_of(clauses)
         assert satisfiable == (proof is None)
         if proof is None:
             continue
@@ -350,9 +354,8 @@ def test_changed_certificates_are_refused(
     assert verify(rewritten(proof, tmp_path / "whole.jld")).mechanisms
     lines = json.loads(json.dumps(proof))
     harm(lines)
-    with pytest.raises(InputError) as complaint:
+    with refused():
         verify(rewritten(lines, tmp_path / "harmed.jld"))
-    assert "\n" not in str(complaint.value)
 
 
 @pytest.mark.parametrize(
@@ -380,10 +383,8 @@ def test_a_claim_that_is_none_is_refused(
     key: str, value: object, words: str, proof: list[dict[str, Any]], tmp_path: Path
 ) -> None:
     lines = [{**proof[0], key: value}, *proof[1:]]
-    with pytest.raises(InputError) as complaint:
+    with refused(words):
         verify(rewritten(lines, tmp_path / "claim.jld"))
-    assert words in str(complaint.value)
-    assert "\n" not in str(complaint.value)
 
 
 def test_a_bound_in_whole_numbers_is_a_bound(proof: list[dict[str, Any]], tmp_path: Path) -> None:
@@ -626,17 +627,6 @@ CHANGES: dict[str, Callable[[list[dict[str, Any]]], object]] = {
 }
 
 
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize("name", CHANGES)
-def test_both_checkers_refuse_changed_certificates(name: str, tall: list[dict[str, Any]], tmp_path: Path) -> None:
-    lines = json.loads(json.dumps(tall))
-    CHANGES[name](lines)
-    path = rewritten(lines, tmp_path / "changed.jld")
-    with pytest.raises(InputError):
-        verify(path)
-    assert checked(path).code == 1
-
-
 @pytest.fixture(scope="module")
 def stopped(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     """The lines of a certificate of bounds by possible blocks, of a search that was stopped."""
@@ -678,10 +668,15 @@ def test_bounds_by_blocks_have_certificates(stopped: list[dict[str, Any]], tmp_p
     assert done.code == 0, done.err
 
 
-@pytest.mark.parametrize("name", BLOCK_CHANGES)
-def test_both_checkers_refuse_changed_blocks(name: str, stopped: list[dict[str, Any]], tmp_path: Path) -> None:
-    lines = json.loads(json.dumps(stopped))
-    BLOCK_CHANGES[name](lines)
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    ("kind", "name"), [*(("tall", name) for name in CHANGES), *(("stopped", name) for name in BLOCK_CHANGES)]
+)
+def test_both_checkers_refuse_changed_certificates(
+    kind: str, name: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    lines = json.loads(json.dumps(request.getfixturevalue(kind)))
+    (CHANGES if kind == "tall" else BLOCK_CHANGES)[name](lines)
     path = rewritten(lines, tmp_path / "changed.jld")
     with pytest.raises(InputError):
         verify(path)

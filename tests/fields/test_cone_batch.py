@@ -9,11 +9,10 @@ import pytest
 import scipy.sparse as sp
 
 from cases import grid_assembly
-from jld_core import Assembly, Bits, Floats
+from jld_core import Assembly, Bits
 from jld_core.batch import chosen
 from jld_core.fields import ConeProgram, ConeSizes
 from jld_core.fields import bounds as field_bounds
-from jld_core.fields.cones import ConeBatch, independent_rows
 
 compiled = pytest.mark.skipif(chosen() is None, reason="no compiled solver")
 
@@ -30,51 +29,68 @@ def frame(**more: Any) -> Assembly:
     return grid_assembly(["aaa", "aaa", "#.#"], live=PUSHED, **{"tension": 2e6, "shear": 2e5, **more})
 
 
-def disc() -> tuple[sp.csr_array, Floats, Floats, ConeSizes]:
+DISC = np.array([[0.0, 0, 1], [1, 0, 0], [0, 0, 0], [-1, 0, 0], [0, -1, 0]])
+
+
+@pytest.fixture
+def _alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Programs are solved by the compiled solver, none is handed over to Clarabel."""
+
+    def handed_over(*_: object) -> Any:
+        raise AssertionError("handed over to Clarabel")
+
+    monkeypatch.setattr(ConeProgram, "_by_clarabel", handed_over)
+
+
+def disc() -> ConeProgram:
     """Least a x + b y + c u where u = 1, x ≤ 1 and √(x² + y²) ≤ 2: rows are the equation, x ≤ 1, and the cone."""
-    matrix = np.array([[0.0, 0, 1], [1, 0, 0], [0, 0, 0], [-1, 0, 0], [0, -1, 0]])
-    rhs, idle = np.array([1.0, 1, 2, 0, 0]), np.array([1.0, 1, 1, 0, 0])
-    return sp.csr_array(matrix), rhs, idle, ConeSizes(1, 1, 1)
+    return ConeProgram(np.zeros(3), sp.csr_array(DISC), np.array([1.0, 1, 2, 0, 0]), ConeSizes(1, 1, 1), many=True)
 
 
 @compiled
+@pytest.mark.usefixtures("_alone")
 def test_closed_form_with_rows_on_and_off() -> None:
     """Least value over a disc of radius 2 is −2 √(a² + b²); where it is cut at x = 1 and a < 0: a − √3 |b|."""
     costs = np.array([[-3.0, 0.5, 7.0], [-3.0, 0.5, 7.0], [3.0, 4.0, 0.0]])
     off = np.zeros((3, 5), dtype=bool)
     off[0, 1] = True
-    found = ConeBatch(*disc()).solve(off, costs)
-    assert found.status == ["Solved"] * 3
+    found = disc().solve_all(off, costs)
+    assert [one.status for one in found] == ["Solved"] * 3
     exact = [7.0 - 2.0 * np.hypot(3.0, 0.5), 7.0 - 3.0 - 0.5 * np.sqrt(3.0), -10.0]
-    assert found.objective == pytest.approx(exact, abs=1e-7)
-    assert found.point[1] == pytest.approx([1.0, -np.sqrt(3.0), 1.0], abs=1e-6)
+    assert [one.objective for one in found] == pytest.approx(exact, abs=1e-7)
+    assert found[1].point == pytest.approx([1.0, -np.sqrt(3.0), 1.0], abs=1e-6)
     # multipliers: q + A' z = 0
-    assert costs + found.dual @ disc()[0] == pytest.approx(np.zeros((3, 3)), abs=1e-7)
+    assert costs + np.array([one.dual for one in found]) @ DISC == pytest.approx(np.zeros((3, 3)), abs=1e-7)
 
 
 @compiled
+@pytest.mark.usefixtures("_alone")
 def test_unbounded_and_infeasible_programs_are_named() -> None:
     """Without the cone x decreases for ever, along a ray; x ≤ 1 and x ≥ 2 have no point in common."""
-    off = np.zeros((1, 5), dtype=bool)
-    off[0, 2:] = True
-    found = ConeBatch(*disc()).solve(off, np.array([[1.0, 0.0, 0.0]]))
-    assert found.status == ["DualInfeasible"]
-    assert found.point[0, 0] < 0.0
-    matrix = sp.csr_array(np.array([[1.0], [-1.0], [0], [1], [0]]))
-    nothing = ConeBatch(matrix, np.array([1.0, -2, 9, 0, 0]), np.ones(5), ConeSizes(0, 2, 1))
-    found = nothing.solve(np.zeros((1, 5), dtype=bool), np.array([[1.0]]))
-    assert found.status == ["PrimalInfeasible"]
+    off = np.array([False, False, True, True, True])
+    found = disc().solve(off, np.array([1.0, 0.0, 0.0]))
+    assert found.status == "DualInfeasible"
+    assert found.point[0] < 0.0
+    matrix, rhs = sp.csr_array(np.array([[1.0], [-1.0], [0], [1], [0]])), np.array([1.0, -2, 9, 0, 0])
+    found = ConeProgram(np.ones(1), matrix, rhs, ConeSizes(0, 2, 1), many=True).solve(np.zeros(5, dtype=bool))
+    assert found.status == "PrimalInfeasible"
     # Farkas: multipliers ≥ 0 with A' z = 0 and b z < 0
-    assert abs(found.dual[0] @ matrix.toarray()) <= 1e-7
-    assert found.dual[0] @ [1.0, -2, 9, 0, 0] < 0.0
+    assert abs(found.dual @ matrix.toarray()) <= 1e-7
+    assert found.dual @ rhs < 0.0
 
 
 @compiled
+@pytest.mark.usefixtures("_alone")
 def test_dependent_equations_are_left_out() -> None:
     """Of three equations in a plane two remain, whichever; the multiplier of the other is 0."""
-    rows = sp.csr_array(np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 1.0], [1.0, 3.0, 1.0]]))
-    assert independent_rows(rows).sum() == 2
-    assert independent_rows(sp.csr_array(np.eye(3))).all()
+    equations = np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 1.0], [1.0, 3.0, 1.0]])
+    matrix = np.vstack([equations, np.zeros((1, 3)), -np.eye(3)[:2]])
+    rhs, costs = np.array([1.0, 0.5, 1.5, 1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    found = ConeProgram(costs, sp.csr_array(matrix), rhs, ConeSizes(3, 0, 1), many=True).solve(np.zeros(6, dtype=bool))
+    # y = (1 − x)/2 on a disc of radius 1: x = −3/5
+    assert (found.status, found.objective) == ("Solved", pytest.approx(-0.6, abs=1e-7))
+    assert np.count_nonzero(found.dual[:3]) == 2
+    assert costs + found.dual @ matrix == pytest.approx(np.zeros(3), abs=1e-7)
 
 
 @compiled

@@ -11,7 +11,7 @@ import pytest
 from studies.crack_models import HALVES, VORONOI, finer
 
 from cases import grid_document
-from command import Command
+from command import Command, saved
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_core.fields import bounds_by_fields
 from jld_core.fields import loads as field_loads
@@ -34,12 +34,6 @@ BAR: dict[str, Any] = {
 }
 PULLED = 1.2 * 0.5
 """Strength times section of the bar."""
-
-
-def written(folder: Path, document: dict[str, Any]) -> Path:
-    path = folder / "scene.json"
-    path.write_text(json.dumps(document), encoding="utf-8")
-    return path
 
 
 @pytest.mark.parametrize(
@@ -72,7 +66,7 @@ def test_the_key_is_kept_and_part_of_the_fingerprint() -> None:
 
 def test_solve_by_fields_names_its_model(jld: Command, tmp_path: Path) -> None:
     """A bar pulled to σt: both bounds, and the lower one as λ."""
-    path = written(tmp_path, {**BAR, "cracks": {"kind": "fields", "gap": 0.01}})
+    path = saved(tmp_path / "scene.json", {**BAR, "cracks": {"kind": "fields", "gap": 0.01}})
     found = json.loads(jld("solve", path, "--json", "--out", tmp_path / "out").out)
     assert found["cracks"] == {"kind": "fields", "gap": 0.01}
     assert found["status"] == "collapse"
@@ -89,28 +83,28 @@ def test_solve_by_fields_names_its_model(jld: Command, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("option", ["fields:0", "fields:x", "cells", "cells:-1", "anything", "faces:1"])
 def test_wrong_options_are_one_line(jld: Command, tmp_path: Path, option: str) -> None:
-    found = jld("solve", written(tmp_path, BAR), "--cracks", option)
+    found = jld("solve", saved(tmp_path / "scene.json", BAR), "--cracks", option)
     assert (found.code, found.out) == (2, "")
     assert found.err.startswith("jld: --cracks: ")
     assert found.err.count("\n") == 1
 
 
 def test_fields_refuse_unsupported_options(jld: Command, tmp_path: Path) -> None:
-    path = written(tmp_path, BAR)
+    path = saved(tmp_path / "scene.json", BAR)
     for more in (["--contact", "concave"], ["--inner-bending", "kern"], ["--friction", "zero-dilation"]):
         found = jld("solve", path, "--cracks", "fields", *more)
         assert found.code == 2
         assert found.err.startswith(f"jld: {more[0]}: cracks by fields")
     spread = {**BAR["materials"], "dry": {"friction_coefficient": {"nominal": 0.5, "low": 0.4}}}
-    found = jld("solve", written(tmp_path, {**BAR, "materials": spread}), "--cracks", "fields", "--robust")
+    found = jld("solve", saved(tmp_path / "scene.json", {**BAR, "materials": spread}), "--cracks", "fields", "--robust")
     assert found.code == 2
     assert found.err.startswith("jld: --robust: by fields, strengths have one value")
     fields = {"cracks": {"kind": "fields"}}
-    assert "rigid cells" in jld("experiment", written(tmp_path, {**BAR, **fields})).err
+    assert "rigid cells" in jld("experiment", saved(tmp_path / "scene.json", {**BAR, **fields})).err
     weak = {**BAR["materials"], "inner": {"tensile_strength": 0, "shear_strength": 1}}
-    jld("check", written(tmp_path, {**BAR, **fields, "materials": weak})).refused("tensile_strength")
+    jld("check", saved(tmp_path / "scene.json", {**BAR, **fields, "materials": weak})).refused("tensile_strength")
     corner = {"live": [{"element": "bar", "force": [0, 1], "at": [0.25, 1.5], "width": 0.6}]}
-    jld("check", written(tmp_path, {**BAR, **fields, "loads": corner})).refused("no room for the patch")
+    jld("check", saved(tmp_path / "scene.json", {**BAR, **fields, "loads": corner})).refused("no room for the patch")
 
 
 def test_cells_divide_the_grid() -> None:
@@ -147,7 +141,7 @@ def test_pieces_share_the_label_of_their_face() -> None:
 
 def test_cells_are_those_of_the_refined_scene(jld: Command, tmp_path: Path) -> None:
     """λ by `--cracks cells:a` is that of `jld refine --cell a`, whose labels are those of the scene."""
-    path = written(tmp_path, grid_document(["aab", "abb", "###"], tension=3e3, shear=2e3))
+    path = saved(tmp_path / "scene.json", grid_document(["aab", "abb", "###"], tension=3e3, shear=2e3))
     jld("refine", path, "-o", tmp_path / "fine.json", "--cell", "0.05")
     fine = json.loads(jld("solve", tmp_path / "fine.json", "--json").out)
     cells = json.loads(jld("solve", path, "--cracks", "cells:0.05", "--json").out)
@@ -178,13 +172,13 @@ def test_load_cases_by_fields() -> None:
 def test_a_fall_is_unstable_and_a_wide_bracket_a_collapse(jld: Command, tmp_path: Path) -> None:
     heavy = {**BAR["materials"], "density": 5.0}
     falls = {**BAR, "materials": {**heavy, "gravity": [0.0, 1.0]}}
-    found = jld("solve", written(tmp_path, falls), "--cracks", "fields", "--json")
+    found = jld("solve", saved(tmp_path / "scene.json", falls), "--cracks", "fields", "--json")
     assert json.loads(found.out)["status"] == "unstable"
     assert json.loads(found.out)["bracket"] == [None, None]
-    path = written(tmp_path, {**BAR, "loads": {"live": [{"element": "bar", "force": [1, 0], "at": [0.0, 1.0]}]}})
-    open_ = jld("solve", path, "--cracks", "fields:1e-6", "--seconds", "0", "--json")
-    assert open_.code == 0
-    told = json.loads(open_.out)
+    path = saved(
+        tmp_path / "scene.json", {**BAR, "loads": {"live": [{"element": "bar", "force": [1, 0], "at": [0.0, 1.0]}]}}
+    )
+    told = json.loads(jld("solve", path, "--cracks", "fields:1e-6", "--seconds", "0", "--json").done().out)
     assert (told["status"], told["gap"] > 1e-6) == ("collapse", True)
     assert told["bracket"][0] < told["bracket"][1]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cases import all_inner, box, prism, rotation
-from command import Command
+from command import Command, saved
 from jld_core import Assembly, InputError, Status, build_assembly, parse_scene
 from jld_core.fields import bounds, bounds_by_fields
 from jld_core.models import solve_by_fields
@@ -276,15 +276,9 @@ SCENE: dict[str, Any] = {
 }
 
 
-def written(folder: Path, document: dict[str, Any]) -> Path:
-    path = folder / "scene.json"
-    path.write_text(json.dumps(document), encoding="utf-8")
-    return path
-
-
 def test_both_bounds_are_printed(jld: Command, tmp_path: Path) -> None:
     """A cube pulled to σt A: the keys of planar scenes, with tetrahedra in the place of triangles."""
-    path = written(tmp_path, SCENE)
+    path = saved(tmp_path / "scene.json", SCENE)
     found = json.loads(jld("solve", path, "--cracks", "fields:0.01", "--json").out)
     assert found["cracks"] == {"kind": "fields", "gap": 0.01}
     assert (found["status"], found["dimension"]) == ("collapse", 3)
@@ -295,7 +289,7 @@ def test_both_bounds_are_printed(jld: Command, tmp_path: Path) -> None:
 
 
 def test_models_that_fields_do_not_support_are_refused_in_one_line(jld: Command, tmp_path: Path) -> None:
-    path = written(tmp_path, SCENE)
+    path = saved(tmp_path / "scene.json", SCENE)
     for more in (["--contact", "concave"], ["--effective-area"], ["--inner-bending", "kern"]):
         found = jld("solve", path, "--cracks", "fields", *more)
         assert (found.code, found.out) == (2, "")

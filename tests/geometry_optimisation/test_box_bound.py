@@ -16,7 +16,7 @@ import pytest
 from structures import HEIGHT, Document, flat_arch, flat_arch_load
 
 from cases import ROUTE
-from command import Command
+from command import Command, saved
 from jld_core import InputError, build_assembly, parse_scene
 from jld_geometry import (
     BoxStructure,
@@ -192,8 +192,7 @@ def test_a_refused_proof_prints_nothing(
     more: Document, flags: list[str], said: str, tmp_path: Path, jld: Command
 ) -> None:
     """Nothing on stdout, one line on stderr and no file, also where the search finds no position that stands."""
-    file = tmp_path / "arch.json"
-    file.write_text(json.dumps({**arch(1), **more}))
+    file = saved(tmp_path / "arch.json", {**arch(1), **more})
     jld("move", file, "-o", tmp_path / "out.json", "--prove", "0.01", *flags).refused(said)
     assert [path.name for path in tmp_path.iterdir()] == ["arch.json"]
 
@@ -421,8 +420,7 @@ def test_the_command_writes_and_verifies(tmp_path: Path, jld: Command) -> None:
     assert found["bound"] == pytest.approx(facts["bound"], rel=2e-9)
     assert found["box"] == [[-0.15, 0.1]]
     assert "no position of the joints" in jld("verify", certificate).out
-    other = tmp_path / "other.json"
-    other.write_text(json.dumps(arch_of_certificate(1, 16.0)))
+    other = saved(tmp_path / "other.json", arch_of_certificate(1, 16.0))
     jld("verify", certificate, "--scene", other).refused("it is of another scene")
 
 

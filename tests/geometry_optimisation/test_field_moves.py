@@ -145,9 +145,7 @@ def test_the_command_moves_by_fields(
     monkeypatch.setattr("jld_geometry.moving._FIELD_GAP", 0.5)
     file, out = tmp_path / "wall.json", tmp_path / "moved.json"
     file.write_text(json.dumps(wall(cracks={"kind": "fields"})))
-    found = jld("move", file, "-o", out, "--json")
-    assert found.code == 0
-    facts = json.loads(found.out)
+    facts = json.loads(jld("move", file, "-o", out, "--json").done().out)
     low, high = facts["bracket"]
     assert facts["load_factor"] == low
     assert facts["start"] < low <= high
@@ -200,8 +198,7 @@ def test_tables_of_moved_layouts(done: Any) -> None:
 def test_the_command_keeps_one_clock(tmp_path: Path, jld: Command, without_pictures: None) -> None:
     file, folder = tmp_path / "wall.json", tmp_path / "out"
     file.write_text(json.dumps(weak_wall()))
-    found = jld("explore", file, "--out", folder, "--move", "1", "--seconds", "6", "--jobs", "1", "--json")
-    assert found.code == 0
+    found = jld("explore", file, "--out", folder, "--move", "1", "--seconds", "6", "--jobs", "1", "--json").done()
     facts = json.loads(found.out)["moved"]
     assert facts["fields_lo"] > 0.0
     assert "moved.png" in (folder / "moved.html").read_text()

@@ -148,9 +148,7 @@ def test_the_command(tmp_path: Path, jld: Command, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("jld_geometry.moving._GAP", 0.9)  # reached on a coarse mesh
     monkeypatch.setattr("jld_geometry.moving._SECONDS", 60.0)
     file.write_text(two_blocks().model_dump_json(exclude_defaults=True))
-    done = jld("move", file, "-o", out, "--joint", "sine:0.05,1", "--seconds", "0", "--json")
-    assert done.code == 0
-    facts = json.loads(done.out)
+    facts = json.loads(jld("move", file, "-o", out, "--joint", "sine:0.05,1", "--seconds", "0", "--json").done().out)
     assert facts["joint"] == {"kind": "sine", "amplitude": 0.05, "waves": 1}
     assert facts["end"] == "time"
     assert facts["fields"]["after"] > facts["fields"]["before"]
@@ -289,8 +287,7 @@ def test_the_command_in_space(tmp_path: Path, jld: Command) -> None:
     file, out = tmp_path / "key.json", tmp_path / "out.json"
     file.write_text(solid_blocks().model_dump_json(exclude_defaults=True))
     flags = ("--joint", "key:0.1,0.4,0.05", "--direction", "0,1,0", "--seconds", "0", "--json")
-    done = jld("move", file, "-o", out, *flags)
-    assert done.code == 0, done.err
+    done = jld("move", file, "-o", out, *flags).done()
     assert "no check by fields: in space it takes minutes; jld solve" in done.err
     facts = json.loads(done.out)
     assert facts["load_factor"] == pytest.approx(load_with(Key(0.1, 0.4, 0.05)), rel=1e-6)

@@ -17,7 +17,7 @@ from benchmarks.claims import run as run_claim
 from structures import HEIGHT, Document, block, flat_arch, flat_arch_load
 
 from cases import grid_document
-from command import Command
+from command import Command, saved
 from jld_core import Assembly, InputError, Status, build_assembly, geometry_sensitivities, parse_scene, samples, solve
 from jld_geometry import (
     EqualShapes,
@@ -190,8 +190,7 @@ def test_limits_are_kept() -> None:
     ],
 )
 def test_bad_keys_are_one_line(move: Document, said: str, tmp_path: Path, jld: Command) -> None:
-    file = tmp_path / "arch.json"
-    file.write_text(json.dumps({**flat_arch(15.0, 1.2), "move": move}))
+    file = saved(tmp_path / "arch.json", {**flat_arch(15.0, 1.2), "move": move})
     done = jld("move", file, "-o", tmp_path / "out.json")
     done.refused(said)
     assert [path.name for path in tmp_path.iterdir()] == ["arch.json"]
@@ -228,8 +227,7 @@ def test_crackable_blocks_are_checked_by_fields(tmp_path: Path, jld: Command, mo
     document = flat_arch(15.0, 1.2, 0.2, along=paths, ties="mirror-x", vertices="along", box=0.05)
     document["materials"]["inner"] = {"tensile_strength": 3e5, "shear_strength": 5e5}
     document["labels"] = {"inner": [["pier left", "ground"], ["pier right", "ground"]]}
-    file = tmp_path / "arch.json"
-    file.write_text(json.dumps(document))
+    file = saved(tmp_path / "arch.json", document)
     facts = json.loads(jld("move", file, "-o", tmp_path / "out.json", "--json").out)
     assert facts["fields"]["skipped"] is None
     assert min(facts["fields"]["before"], facts["fields"]["after"]) > 0.0
@@ -299,8 +297,7 @@ def test_robust_values_are_those_of_the_low_material(tmp_path: Path, jld: Comman
 
 
 def test_nothing_to_move(tmp_path: Path, jld: Command) -> None:
-    file = tmp_path / "block.json"
-    file.write_text(json.dumps(block(1.0, 1.0)))
+    file = saved(tmp_path / "block.json", block(1.0, 1.0))
     assert "no vertex of a joint can move" in jld("move", file, "-o", tmp_path / "out.json").err
 
 
@@ -500,15 +497,13 @@ def test_scenes_whose_joints_cannot_move_are_refused_in_one_line(
     document = strip(**change.get("move", {}))
     if "cohesion" in change:
         document["materials"]["dry"] = {**document["materials"]["dry"], "cohesion": change["cohesion"]}
-    file = tmp_path / "vault.json"
-    file.write_text(json.dumps(document))
+    file = saved(tmp_path / "vault.json", document)
     jld("move", file, "-o", tmp_path / "out.json").refused(said)
     assert [path.name for path in tmp_path.iterdir()] == ["vault.json"]
 
 
 def test_proofs_and_searches_of_labels_are_planar(tmp_path: Path, jld: Command) -> None:
-    file = tmp_path / "vault.json"
-    file.write_text(json.dumps(strip()))
+    file = saved(tmp_path / "vault.json", strip())
     assert "it bounds planar structures alone" in jld("move", file, "-o", tmp_path / "out.json", "--prove=0.1").err
 
 
@@ -625,8 +620,7 @@ def test_other_models_have_none() -> None:
 
 
 def test_in_the_output_of_solve(tmp_path: Path, jld: Command) -> None:
-    file = tmp_path / "block.json"
-    file.write_text(json.dumps(block(0.6, 1.5)))
+    file = saved(tmp_path / "block.json", block(0.6, 1.5))
     rates = json.loads(jld("solve", file, "--out", tmp_path / "out", "--json").out)["geometry_sensitivities"]
     assert np.array(rates["vertices"]).shape == np.array(rates["derivative"]).shape
     assert (tmp_path / "out" / "vertices.png").exists()

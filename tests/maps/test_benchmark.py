@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import jld_core as jc
-from command import Command
+from command import Command, saved
 from jld_explore.verification import verify
 
 PROBLEMS = Path(str(files("jld_maps"))) / "problems"
@@ -42,8 +42,7 @@ def test_a_record_is_as_its_scene_and_its_certificate_say(name: str) -> None:
 
 
 def submitted(jld: Command, folder: Path, *layouts: dict[str, Any]) -> tuple[int, dict[str, Any]]:
-    path = folder / "mine.json"
-    path.write_text(json.dumps({"method": "by hand", "layouts": layouts}), "utf-8")
+    path = saved(folder / "mine.json", {"method": "by hand", "layouts": layouts})
     found = jld("benchmark", "check", path, "--json")
     return found.code, json.loads(found.out)
 
@@ -79,8 +78,7 @@ def test_a_record_can_be_beaten(jld: Command, tmp_path: Path) -> None:
     mine = tmp_path / "mine.json"
     layout = {"problem": name, "labels": RECORDS[name]["labels"], "load_factor": weaker["best"]}
     mine.write_text(json.dumps({"layouts": [layout]}), "utf-8")
-    found = jld("benchmark", "check", mine, "--problems", folder)
-    assert found.code == 0
+    found = jld("benchmark", "check", mine, "--problems", folder).done()
     assert "beats the record   +11.11% over the best known" in found.out
     assert found.out.splitlines()[-1] == f"1 records beaten: {name}"
 

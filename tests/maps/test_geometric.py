@@ -13,7 +13,7 @@ from studies.scenes import ring_arch
 
 import jld_core as jc
 from cases import grid_document
-from command import Command
+from command import Command, saved
 
 # t/R of a semicircular arch, weight along the centreline
 COUPLET = 0.101  # hinges at 45°: Couplet 1730
@@ -24,9 +24,7 @@ MILANKOVITCH = 0.1075  # t/R under the true weight of the ring, radial cuts: Mil
 
 
 def written(scene: jc.Scene, folder: Path) -> Path:
-    path = folder / "scene.json"
-    path.write_text(json.dumps(scene.model_dump(mode="json", exclude_unset=True)), "utf-8")
-    return path
+    return saved(folder / "scene.json", scene.model_dump(mode="json", exclude_unset=True))
 
 
 def factor_of(jld: Command, path: Path) -> tuple[float, float]:
@@ -126,8 +124,7 @@ def box_scene(slope: float) -> dict[str, Any]:
 
 
 def test_a_block_in_space_is_scaled_across_its_thin_side(jld: Command, tmp_path: Path) -> None:
-    path = tmp_path / "scene.json"
-    path.write_text(json.dumps(box_scene(0.2)), "utf-8")
+    path = saved(tmp_path / "scene.json", box_scene(0.2))
     assert "geometric safety         2.5" in jld("solve", path, "--geometric").out
 
 
@@ -166,6 +163,5 @@ STEPPED = grid_document(["ab.", "cab", "###"])
     ],
 )
 def test_what_has_no_middle_line_is_refused(jld: Command, tmp_path: Path, document: Any, words: str) -> None:
-    path = tmp_path / "scene.json"
-    path.write_text(json.dumps(document), "utf-8")
+    path = saved(tmp_path / "scene.json", document)
     jld("solve", path, "--geometric").refused(words)

@@ -10,23 +10,21 @@ import pytest
 from studies.scenes import leonardo_flat_arch
 
 import jld_core as jc
-from command import Command
+from command import Command, saved
 
 
 @pytest.fixture(scope="module")
 def arch(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("arch") / "arch.json"
-    path.write_text(json.dumps(leonardo_flat_arch().model_dump(mode="json", exclude_unset=True)), "utf-8")
-    return path
+    return saved(
+        tmp_path_factory.mktemp("arch") / "arch.json", leonardo_flat_arch().model_dump(mode="json", exclude_unset=True)
+    )
 
 
 @pytest.mark.parametrize(("start", "alpha"), [("gravity", 0.5)])
 def test_every_step_is_written_and_the_last_is_the_answer(jld: Command, arch: Path, start: str, alpha: float) -> None:
     path = arch.with_name(f"{start}.csv")
     options = ("--friction", "zero-dilation", "--start", start, "--alpha", alpha, "--no-sensitivities", "--json")
-    found = jld("solve", arch, *map(str, options), "--history", path)
-    assert found.code == 0, found.err
-    answer, steps = json.loads(found.out), pd.read_csv(path)
+    answer, steps = json.loads(jld("solve", arch, *map(str, options), "--history", path).done().out), pd.read_csv(path)
     assert list(steps["step"]) == list(range(1, len(steps) + 1))
     assert steps["alpha"][0] == alpha
     last = steps.iloc[-1]

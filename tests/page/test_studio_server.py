@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from cases import HOSTILE, scene_of_cases, small_scene, spatial_scene
-from command import running
+from command import running, saved
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.fields import bounds_by_fields
 from jld_explore import ExploreSettings, explore
@@ -167,8 +167,7 @@ def test_load_cases_are_bracketed_together() -> None:
 
 
 def test_scenes_by_fields_are_opened_and_those_by_cells_are_not(tmp_path: Path) -> None:
-    path = tmp_path / "scene.json"
-    path.write_text(json.dumps(small_scene() | {"cracks": {"kind": "cells", "cell": 0.1}}))
+    path = saved(tmp_path / "scene.json", small_scene() | {"cracks": {"kind": "cells", "cell": 0.1}})
     with pytest.raises(InputError, match="by faces and by fields only"):
         server.opened(path)
     path.write_text(json.dumps(small_scene() | {"cracks": {"kind": "fields"}}))

@@ -12,7 +12,7 @@ from scipy.optimize import linprog
 from studies.families import semicircular_arch
 
 from cases import ROUTE, as_elements, box, rotated
-from command import Command
+from command import Command, saved
 from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.build import loads
 from jld_practice.reactions import (
@@ -182,8 +182,7 @@ def test_a_table_in_space_shares_its_weight_between_legs() -> None:
 def test_the_command(tmp_path: Path, jld: Command) -> None:
     scene = tmp_path / "arch.json"
     assert jld("new", "arch", "--voussoirs", "7", "-o", scene).code == 0
-    done = jld("thrust", scene, "--json", "--support", "left", "--out", tmp_path / "out")
-    assert done.code == 0, done.err
+    done = jld("thrust", scene, "--json", "--support", "left", "--out", tmp_path / "out").done()
     told = json.loads(done.out)
     assert [one["component"] for one in told["ranges"]] == ["Fx", "Fy", "M"]
     assert told["stands"] is True
@@ -191,8 +190,7 @@ def test_the_command(tmp_path: Path, jld: Command) -> None:
         assert one["interval"][0] == one["least"]["bracket"][0] <= one["most"]["bracket"][1] == one["interval"][1]
     assert json.loads((tmp_path / "out" / "thrust.json").read_text()) == told
     assert len(list((tmp_path / "out").glob("thrust-*.png"))) == 3
-    fallen = jld("thrust", scene, "--load-factor", "100")
-    assert fallen.code == 0
+    fallen = jld("thrust", scene, "--load-factor", "100").done()
     assert "falls under 100 × the live load" in fallen.out
 
 
@@ -416,8 +414,7 @@ def test_bad_input_of_settlement(settlement: Any, words: str, tmp_path: Path, jl
         **arch_of_settlement(6, 0.2).model_dump(mode="json", exclude_defaults=True),
         "settlements": [settlement],
     }
-    file = tmp_path / "arch.json"
-    file.write_text(json.dumps(document))
+    file = saved(tmp_path / "arch.json", document)
     jld("settlement", file).refused(words)
 
 
