@@ -93,7 +93,7 @@ def test_points_of_dry_joints_beside_a_surface_of_inner_faces() -> None:
     changed = with_surface(SPATIAL, "inner", friction={"coefficients": 0.3, "cohesion": 1e3}, bending=within)
     found, plain = (solve(one, contact="concave") for one in (changed, SPATIAL))
     assert found.load_factor == pytest.approx(plain.load_factor, rel=1e-9)
-    with pytest.raises(InputError, match='"surface" is unknown to contact at points'):
+    with refused(match='"surface" is unknown to contact at points'):
         solve(changed, "ddi", contact="concave")
 
 
