@@ -478,7 +478,7 @@ class Bodies:
         weight = assembly.elements.weight.sum(axis=0)
         up = -weight if np.any(weight) else np.eye(assembly.dimension)[-1]
         self.up: Floats = up / np.linalg.norm(up)
-        self._ways: dict[bytes, Floats] = {}
+        self._directions_of: dict[bytes, Floats] = {}
 
     @cached_property
     def arcs(self) -> Arcs:
@@ -500,13 +500,13 @@ class Bodies:
         # They follow from the block's own contacts and from the assembly, never from other blocks present: a block that
         # can be removed can still be removed when fewer remain, and blocks that lock one another always do.
         key = np.packbits(moving).tobytes()
-        if key not in self._ways:
+        if key not in self._directions_of:
             faces = self.assembly.interfaces
             border = moving[faces.a] != moving[faces.b]
             every = np.concatenate([_directions(faces.normal[border]), self.common])
             every = every[np.sort(np.unique(np.round(every, 9), axis=0, return_index=True)[1])]
-            self._ways[key] = every[np.argsort(-np.round(every @ self.up, 6), kind="stable")]
-        return self._ways[key]
+            self._directions_of[key] = every[np.argsort(-np.round(every @ self.up, 6), kind="stable")]
+        return self._directions_of[key]
 
 
 class Freedom:
