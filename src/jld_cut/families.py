@@ -68,7 +68,7 @@ def compressed(
 ) -> tuple[Floats, Floats, Floats]:
     """Return where the solid is compressed most.
 
-    held: (h, 3) points at supports. forces: (3,) vectors with places. weight: (3,) of the whole solid.
+    supports: (h, 3) points that are held. forces: (3,) vectors with places. weight: (3,) of the whole solid.
     Returns middles (k, 3), magnitudes (k,) and directions (k, 3) of the largest compression.
     """
     cubes, side, origin = voxels_of(solid, count)

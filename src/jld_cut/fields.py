@@ -94,10 +94,8 @@ def _join_convex(pieces: list[Any]) -> list[Any]:
 def bounds_beside(
     name: str, cutting: Cutting, bodies: list[Any], setting: Setting, out: Path, seconds: float
 ) -> Iterator[Callable[[float], tuple[Ends | None, str]]]:
-    """Bound λ of parts by fields in a process; yield a function of a wait, s: the last bracket, or None and why.
-
-    The process also finds the convex pieces, which may take seconds, and writes their scene into a folder.
-    """
+    """Bound λ of parts by fields in a process; yield a function of a wait, s: the last bracket, or None and why."""
+    # The process also finds the convex pieces, which may take seconds, and writes their scene into a folder.
     task = name, cutting.planes, surface_of(cutting.solid), [surface_of(body) for body in bodies], setting, out, seconds
     with TemporaryFile() as stream:
         pickle.dump(task, stream)

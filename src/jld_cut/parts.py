@@ -107,7 +107,7 @@ def different(parts: list[Part]) -> int:
 def lay(part: Part, fit: Floats, rotations: Floats = np.zeros((0, 3, 3))) -> bool:  # noqa: B008
     """Find box and bed of a part; return whether it fits into a box of sides `fit` (3,), ascending.
 
-    turned: (k, 3, 3) rotations that are tried beside those that lay it on a face.
+    rotations: tried beside those that lay it on a face.
     """
     points, triangles = surface_of(part.exact)
     corners = points[triangles]
@@ -124,9 +124,9 @@ def lay(part: Part, fit: Floats, rotations: Floats = np.zeros((0, 3, 3))) -> boo
         plan = points @ frame[:2].T
         rectangle = shapely.minimum_rotated_rectangle(shapely.MultiPoint(plan))
         ring = shapely.get_coordinates(rectangle)
-        first = ring[1] - ring[0]
+        edge = ring[1] - ring[0]
         # the smallest rectangle may be long where one along the axes is not
-        for turn in (float(np.arctan2(first[1], first[0])), 0.0):
+        for turn in (float(np.arctan2(edge[1], edge[0])), 0.0):
             spin = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]]) @ frame
             spins.append((size, spin))
     best: tuple[Any, ...] | None = None

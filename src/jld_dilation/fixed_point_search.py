@@ -152,11 +152,16 @@ class FixedPointSearch:
         return raw
 
     def minimise_gap(
-        self, forces: Floats, dual: Floats, areas: prescribed_friction.EffectiveAreas | None, held: float | None = None
+        self,
+        forces: Floats,
+        dual: Floats,
+        areas: prescribed_friction.EffectiveAreas | None,
+        held_margin: float | None = None,
     ) -> State:
         """Minimise Γ for given velocities: the nearest state of true friction, to be checked."""
-        template, program = self._gap_program(forces, dual, areas, self.margin if held is None else held)
-        solver = self.gap_solver if held is None else self.holding_solver
+        # held_margin: margin of the yield sets for forces that stay close to the given ones; None: they need not
+        template, program = self._gap_program(forces, dual, areas, self.margin if held_margin is None else held_margin)
+        solver = self.gap_solver if held_margin is None else self.holding_solver
         point = solver.solve(program, forces[: self.count]).point
         return self.repaired_state(point, template, areas)
 
@@ -286,11 +291,11 @@ class FixedPointSearch:
         # The iteration ends with a locked pair, with a solution, or after `options.most` programs. With effective
         # areas, later rounds hold the forces and omit proximal steps: such steps move the forces along the many
         # solutions, and the areas would follow.
-        options, held_load = self.options, None
+        options, held_margin = self.options, None
         self.last_feasible, self.program_limit = forces[: self.count], self.solves + self.options.most
         alpha, dual, share, last = options.alpha, np.zeros(0), 1.0, np.zeros(self.count)
         while True:
-            if held_load is None:
+            if held_margin is None:
                 for step in range(options.block + 1):
                     checkpoint()
                     raw = self.step_from(forces, alpha if step < options.block else 0.0)
@@ -305,7 +310,7 @@ class FixedPointSearch:
                     self._record(forces, raw, alpha if step < options.block else 0.0)
                     alpha = 0.1 * alpha if alpha > 1e-6 else 0.0
             areas = self.areas(forces)
-            state = self.minimise_gap(forces, dual, areas, held_load)
+            state = self.minimise_gap(forces, dual, areas, held_margin)
             if areas is not None:
                 state, areas = self.settle_areas(state, dual, areas)
             pair = self.evaluate_pair(state, areas)
@@ -322,7 +327,7 @@ class FixedPointSearch:
                 return
             forces = self.last_feasible = state.forces.ravel()
             if areas is not None and pair.motion is not None:
-                held_load, dual = self.margin, pair.motion.velocity
+                held_margin, dual = self.margin, pair.motion.velocity
 
     def _record(self, forces: Floats, raw: RawSolution, alpha: float) -> None:
         """Add a step of frozen friction to the history: λ, and what its forces and velocities violate."""
@@ -381,6 +386,7 @@ class AlternatingPrograms:
     """
 
     def __init__(self, modes: Modes, most: float) -> None:
+        # statics: equilibrium of forces and λ, forms of yield rows ≥ 0; motions: rates of rows ≥ 0, live power 1
         self.modes = modes
         count, columns = modes.rows.shape
         self._first = len(modes.dead)

@@ -204,15 +204,16 @@ class _EliminationTree:
         self._ends = [
             _FrontPositions(columns, later_columns, self._sizes, self._starts) for columns, later_columns in self._nodes
         ]
-        self.couplings, self._parts = self._couplings(forms[:, order])
+        self.couplings, self._blocks_of_fronts = self._couplings(forms[:, order])
 
-    def _couplings(self, forms: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_Part]]]:
+    def _couplings(self, forms: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_FrontBlock]]]:
         """List the forms that couple each pair of bases, and the blocks of each front."""
-        fronts: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
+        # a block of the matrix is a sum of tables, one for each form that couples both columns, times these shares
+        shares_of_fronts: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
         forms_of: dict[tuple[int, int], dict[int, int]] = {}
         for columns, later_columns in self._nodes:
             rows = columns + later_columns
-            blocks_of: dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]] = {}
+            shares_of: dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]] = {}
             for a, j in enumerate(columns):
                 for b in range(a, len(rows)):
                     common = np.flatnonzero((forms[:, j] != 0.0) & (forms[:, rows[b]] != 0.0))
@@ -223,20 +224,20 @@ class _EliminationTree:
                             number.setdefault(int(form), len(number)): forms[form, j] * forms[form, rows[b]]
                             for form in common
                         }
-                        blocks_of.setdefault(key, {})[b, a] = shares
-            fronts.append(blocks_of)
-        parts = []
-        for blocks_of in fronts:
-            blocks_in_front: list[_Part] = []
-            for key, blocks in blocks_of.items():
+                        shares_of.setdefault(key, {})[b, a] = shares
+            shares_of_fronts.append(shares_of)
+        blocks_of_fronts = []
+        for shares_of in shares_of_fronts:
+            blocks_in_front: list[_FrontBlock] = []
+            for key, blocks in shares_of.items():
                 row = [n for n, shares in enumerate(blocks.values()) for _ in shares]
                 form = [k for shares in blocks.values() for k in shares]
                 share = [value for shares in blocks.values() for value in shares.values()]
                 blocks_in_front.append(
                     (key, list(blocks), sp.csr_array((share, (row, form)), shape=(len(blocks), len(forms_of[key]))))
                 )
-            parts.append(blocks_in_front)
-        return {key: list(number) for key, number in forms_of.items()}, parts
+            blocks_of_fronts.append(blocks_in_front)
+        return {key: list(number) for key, number in forms_of.items()}, blocks_of_fronts
 
     def factor(self, tables: dict[tuple[int, int], Floats], shift: float) -> Callable[[Floats], Floats] | None:
         """Factor tables (forms, k, k′) + shift, and return the solver of (k, w); None if not positive definite."""
@@ -246,7 +247,7 @@ class _EliminationTree:
         for node, ((columns, later), ends) in enumerate(zip(self._nodes, self._ends, strict=True)):
             pivots, start = ends.first, ends.at  # number of pivots, and first row of each block
             front = np.zeros((start[-1], start[-1]), order="F")
-            for key, pairs, shares in self._parts[node]:
+            for key, pairs, shares in self._blocks_of_fronts[node]:
                 blocks = (shares @ flat[key]).reshape(len(pairs), *tables[key].shape[1:])
                 for (b, a), block in zip(pairs, blocks, strict=True):
                     front[start[b] : start[b + 1], start[a] : start[a + 1]] = block
@@ -289,7 +290,7 @@ class _EliminationTree:
 
 
 # Pair of bases, (row, column) of the matrix blocks of a front, and the tables each is the sum of, (blocks, forms)
-_Part = tuple[tuple[int, int], list[tuple[int, int]], Any]
+_FrontBlock = tuple[tuple[int, int], list[tuple[int, int]], Any]
 
 
 class _FrontPositions:

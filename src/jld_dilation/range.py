@@ -178,12 +178,10 @@ class RangeOptions:
 def load_range(
     analysis: LimitAnalysis, labels: Bits, proximal: ProximalOptions, associative: Proof, options: RangeOptions
 ) -> Proof:
-    """Find the lowest and highest certified solution, and a lower bound on all: proof of the lowest one found.
-
-    `lowest_proven`: exact bound on all solutions with λ ≥ 0, or None. `lowest_bound`, `bound_tolerance`: highest bound,
-    and what depends on a solver. `proven`: both are equal. `closed`: it meets `lowest_found` within 1e-6. `highest`:
-    evidence. `floor_*`: steps, programs, seconds.
-    """
+    """Find the lowest and highest certified solution, and a lower bound on all: proof of the lowest one found."""
+    # `lowest_proven`: exact bound on all solutions with λ ≥ 0, or None. `lowest_bound`, `bound_tolerance`: highest
+    # bound, and what depends on a solver. `proven`: both are equal. `closed`: it meets `lowest_found` within 1e-6.
+    # `highest`: evidence. `floor_*`: steps, programs, seconds.
     # The search ends early at the deadline of the command; solutions found until then are reported. The bound requires
     # a planar scene without crushing, effective areas, shear strength of dry faces and friction of inner faces.
     if associative.status is Status.UNSTABLE:

@@ -308,6 +308,7 @@ def table(curve: Curve) -> pd.DataFrame:
 
 
 def end_state(curve: Curve, result: LimitAnalysisResult) -> LimitAnalysisResult:
+    """Return a result whose mechanism is the displacement at the end of a push."""
     # scaled to live power 1, or to a largest entry of 1 where it does not stand or the loads do not advance
     moved = curve.at_end
     power = float((curve.assembly.live * moved).sum())

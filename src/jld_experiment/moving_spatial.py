@@ -491,7 +491,7 @@ def _faces_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
             away = [abs((ring - faces.origin[face]) @ faces.normal[face]).max() for ring in rings]
             facets.append(int(np.argmin(away)))
         rows.append(facets)
-    return _table(rows)
+    return _padded(rows)
 
 
 def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -> Ints:
@@ -513,10 +513,11 @@ def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -
             distance = abs(planes[other][:, None] - planes[elements_of_pair[0]][None]).max(axis=2)
             flush_of[elements_of_pair] = np.flatnonzero(distance.min(axis=1) < _FLUSH * typical).tolist()
         flush.append(flush_of[elements_of_pair])
-    return _table(flush)
+    return _padded(flush)
 
 
-def _table(rows: list[list[int]]) -> Ints:
+def _padded(rows: list[list[int]]) -> Ints:
+    """Return rows of different lengths as a table, filled up with −1."""
     table = np.full((len(rows), max((len(row) for row in rows), default=0)), -1)
     for line, row in zip(table, rows, strict=True):
         line[: len(row)] = row

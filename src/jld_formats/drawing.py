@@ -186,6 +186,14 @@ _OPEN: Final = 20.0  # width of a gap, in tolerances, up to which it is one that
 _SHARE: Final = 0.9  # least share of closed area and of entities that is read without a word
 
 
+def _state_thickness(document: dict[str, Any], options: ImportOptions, notes: Notes) -> None:
+    """Put the thickness of the options into a document, 1 where nothing states it."""
+    if options.thickness is not None or "thickness" not in document:
+        document["thickness"] = 1.0 if options.thickness is None else options.thickness
+        if options.thickness is None:
+            notes.assumed.append("thickness 1: give --thickness")
+
+
 def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet: bool = False) -> Imported:
     """Convert the content of a planar drawing to a scene document.
 
@@ -254,10 +262,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     document |= {key: value for key, value in drawing.facts.items() if key not in ("loads", "elements")}
     keys = drawing.facts.get("elements", {})
     document["elements"] = [_element(cell, size) | keys.get(cell.name, {}) for cell in cells]
-    if options.thickness is not None or "thickness" not in document:
-        document["thickness"] = 1.0 if options.thickness is None else options.thickness
-        if options.thickness is None:
-            notes.assumed.append("thickness 1: give --thickness")
+    _state_thickness(document, options, notes)
     reach = max(2.0 * tolerance, 1e-7 * size)
     structure = Structure(cells, float(document["thickness"]), unit, reach)
     document["loads"] = drawn_loads(loads, marks, structure, options, drawing, notes)

@@ -52,11 +52,9 @@ def scene_of(layout: Layout, *, interfaces: bool = False) -> dict[str, Any]:
 
 
 def facts_of(layout: Layout, *, cells: bool) -> dict[str, Any]:
-    """Return name, units, materials and loads for a file of solids; `lost` names what else a scene states.
-
-    cells: the file holds every element; otherwise loads refer to blocks. Resultant forces replace pressures. Of a
-    planar scene (x, y) becomes (x, 0, y), in the middle of the thickness.
-    """
+    """Return name, units, materials and loads for a file of solids; `lost` names what else a scene states."""
+    # cells: the file holds every element; otherwise loads refer to blocks. Resultant forces replace pressures. Of a
+    # planar scene (x, y) becomes (x, 0, y), in the middle of the thickness.
     layout = layout.drawn_from or layout
     document = document_of(layout)
     facts: dict[str, Any] = {key: document[key] for key in ("name", "units", "source", "notes") if key in document}

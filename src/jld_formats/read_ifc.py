@@ -90,6 +90,7 @@ _BODY: Final = ("Body", "Facetation")  # identifiers of the representations that
 
 
 def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
+    """Return the solids of an IFC file, in metres."""
     ifc = library("ifcopenshell", path)
     readable(path)
     with parsing("IFC", "an IFC file"):

@@ -303,6 +303,7 @@ class _Reader:
         return np.array(self._file.first_values(number)[1], dtype=float)
 
     def _frame(self, number: int) -> Floats:
+        """Return the matrix (4, 4) of an axis placement."""
         values = self._file.of(number, "AXIS2_PLACEMENT_3D") or []
         axis = self._point(values[2]) if values[2] is not None else np.array([0.0, 0.0, 1.0])
         axis = axis / np.linalg.norm(axis)

@@ -113,11 +113,9 @@ def solid_loads(
     options: ImportOptions,
     notes: Notes,
 ) -> dict[str, Any]:
-    """Return the entry "loads" from the marks of a spatial file; free elements within `reach` of the nearest share.
-
-    A text with components is a force at its place, one number a force downwards; an arrow has its own text or the
-    nearest.
-    """
+    """Return the entry "loads" from the marks of a spatial file; free elements within `reach` of the nearest share."""
+    # A text with components is a force at its place, one number a force downwards; an arrow has its own text or the
+    # nearest.
 
     def entries(force: Floats, at: Floats) -> list[dict[str, Any]]:
         chosen = _nearest(at, vertices, faces, supports, reach)

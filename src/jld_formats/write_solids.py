@@ -377,10 +377,8 @@ _ROUTE: Final = Route("files of 3DEC")
 
 
 def command_text(layout: Layout, *, cells: bool = False) -> str:
-    """Return 3DEC commands that create elements, join those of a block, and set properties.
-
-    Joint stiffnesses are no part of a scene; the first lines define them for the user to edit.
-    """
+    """Return 3DEC commands that create elements, join those of a block, and set properties."""
+    # Joint stiffnesses are no part of a scene; the first lines define them for the user to edit.
     assembly = layout.assembly
     elements, strengths = assembly.elements, assembly.strengths(_ROUTE)
     length, force = assembly.units

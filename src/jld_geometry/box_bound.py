@@ -401,7 +401,7 @@ class _Search:
 
     def split(self, low: Floats, high: Floats, sides: Floats) -> tuple[int, list[tuple[BoxBound, Floats, Floats]]]:
         """Halve a box where the larger bound of both halves is least; return parameter and halves."""
-        # Each half has bound, low and high (p,). whole: (p,) size of the first box.
+        # Each half has bound, low and high (p,). sides: (p,) size of the first box.
         choices = []
         width = (high - low) / sides
         for axis in np.flatnonzero(width >= _WIDE * width.max()).tolist():

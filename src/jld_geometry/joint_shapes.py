@@ -415,10 +415,10 @@ def _planar_cells(assembly: Assembly, labels: Bits, shape: Shape) -> list[list[s
 
 def _first_around(shapes: list[shapely.Polygon], points: Any) -> list[int]:
     """Return the first of some shapes that contains each of the points, −1 where none does."""
-    found = np.full(len(points), len(shapes))
+    lowest = np.full(len(points), len(shapes))
     number, shape = shapely.STRtree(shapes).query(points, predicate="within")
-    np.minimum.at(found, number, shape)
-    first: list[int] = np.where(found < len(shapes), found, -1).tolist()
+    np.minimum.at(lowest, number, shape)
+    first: list[int] = np.where(lowest < len(shapes), lowest, -1).tolist()
     return first
 
 

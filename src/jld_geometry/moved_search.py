@@ -110,6 +110,7 @@ def move_one(
 
 
 def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
+    """Return a layout with narrower bounds by fields."""
     assembly = build_assembly(layout.scene)
     low, high = _bounds(assembly, assembly.labels, min(seconds, _REFINED), gap)
     bracket = layout.fields if layout.moved.any() else layout.fields_start

@@ -286,11 +286,9 @@ _WORDS: Final = ("sliding at the base", "sliding", "rocking", "hinges", "twistin
 
 
 def mechanism_names(assembly: Assembly, labels: Bits, kinds: Any) -> Any:
-    """Name k mechanisms by the kinds (k, m) of movement of their faces.
-
-    Sliding is "at the base" where all faces that slide touch a support. Hinges are "rocking" where there is one, or all
-    touch supports. Several parts are joined by "and"; a mechanism in which joints only open is "opening".
-    """
+    """Name k mechanisms by the kinds (k, m) of movement of their faces."""
+    # Sliding is "at the base" where all faces that slide touch a support. Hinges are "rocking" where there is one, or
+    # all touch supports. Several parts are joined by "and"; a mechanism in which joints only open is "opening".
     faces, support = assembly.interfaces, assembly.elements.support
     is_face = np.arange(len(labels)) < assembly.faces
     base = (support[faces.a] | support[faces.b]) & is_face

@@ -96,10 +96,8 @@ def within(wall: Rectangle, start: float, end: float) -> Rectangle:
 def head_joints(
     bounds: Rectangle, along: int, ends: tuple[float, float], lines: Floats, number: int, bond: str, stretcher: float
 ) -> list[float]:
-    """Return the head joints of a bond in a part of a wall, with its ends, ascending.
-
-    Those closer than `SLIVER` to an end or a line are left out.
-    """
+    """Return the head joints of a bond in a part of a wall, with its ends, ascending."""
+    # Those closer than `SLIVER` to an end or a line are left out.
     # walls along y are one course ahead: where they run through, a whole stretcher begins at their corner
     joints = bounds[along] + course(bond, number + along, bounds[along + 2] - bounds[along], stretcher)[1:-1]
     joints = joints[(joints > ends[0]) & (joints < ends[1])]

@@ -167,10 +167,8 @@ def swept(name: str, sections: Floats, **keys: Any) -> dict[str, Any]:
 
 
 def steps(parts: int, offset: bool) -> list[tuple[int, ...]]:
-    """Return the half-step stations along a ring of 2·parts half steps that each part spans, two of them.
-
-    With `offset`, parts begin half a part later, and the first and the last are half as long.
-    """
+    """Return the half-step stations along a ring of 2·parts half steps that each part spans, two of them."""
+    # With `offset`, parts begin half a part later, and the first and the last are half as long.
     if not offset:
         return [(2 * k, 2 * k + 1, 2 * k + 2) for k in range(parts)]
     return [(0, 1), *((2 * k - 1, 2 * k, 2 * k + 1) for k in range(1, parts)), (2 * parts - 1, 2 * parts)]

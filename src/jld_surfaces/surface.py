@@ -136,11 +136,9 @@ def shape_of(section: Section) -> shapely.Geometry:
 
 
 def resultants(shape: shapely.Geometry, section: Section, dimension: int) -> tuple[Floats, Floats]:
-    """Return vertices (p, 2 or 3) and rays of (n, m) or (n, m1, m2), pressure and moments over unit square as stress.
-
-    Each vertex has one neutral axis, compression on one side of it and tension on the other. Moments are scaled as
-    those of a face: twice stress times arm.
-    """
+    """Return vertices (p, 2 or 3) and rays of (n, m) or (n, m1, m2): pressure, moments of a unit square, as stress."""
+    # Each vertex has one neutral axis, compression on one side of it and tension on the other. Moments are scaled as
+    # those of a face: twice stress times arm.
     tension, compression = section.tensile_strength, section.compressive_strength
     total = _moments(shape)
     if compression is None:

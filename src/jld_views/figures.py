@@ -54,24 +54,28 @@ def finish(figure: Figure, axes: list[Axes], title: str, columns: int | None = N
     figure.suptitle(title, fontsize=11, y=1.0 - 0.1 / figure.get_figheight(), va="top")
 
 
+# Inches: room beside axes for ticks, least width of a column, for its title, height of a title, height of the title of
+# the figure, and margin at the left
+_TICKS, _LEAST_COLUMN, _TITLE, _FIGURE_TITLE, _LEFT = 0.75, 3.7, 0.45, 0.55, 0.25
+_HIGHEST: Final = 6.0  # largest height of axes, inches
+
+
 def _place(figure: Figure, axes: list[Axes], span: Floats, columns: int | None = None) -> None:
     """Set sizes in inches from the extent (2,) of the data, ticks, titles and the longest legend."""
     stacked = columns is None and len(axes) > 1 and span[1] < 0.4 * span[0]
     width = 9.5 if stacked else 4.4 if len(axes) > 1 else 6.0
     height = width * float(span[1] / span[0])
-    if height > 6.0:
-        width, height = width * 6.0 / height, 6.0
-    depth = max(notes.legend_inches(ax) for ax in axes)
-    slot = max(width + 0.75, 3.7)
-    row = 0.45 + height + depth
+    if height > _HIGHEST:
+        width, height = width * _HIGHEST / height, _HIGHEST
+    legend = max(notes.legend_inches(ax) for ax in axes)
+    column_width, row_height = max(width + _TICKS, _LEAST_COLUMN), _TITLE + height + legend
     columns = columns or (1 if stacked else len(axes))
-    rows = math.ceil(len(axes) / columns)
-    total = (columns * slot + 0.1, rows * row + 0.55)
+    total = (columns * column_width + 0.1, math.ceil(len(axes) / columns) * row_height + _FIGURE_TITLE)
     figure.set_size_inches(*total)
     for k, ax in enumerate(axes):
-        line, column = divmod(k, columns)
-        left = column * slot + 0.5 * (slot - width) + 0.25
-        bottom = total[1] - 0.55 - line * row - 0.45 - height
+        row, column = divmod(k, columns)
+        left = column * column_width + 0.5 * (column_width - width) + _LEFT
+        bottom = total[1] - _FIGURE_TITLE - row * row_height - _TITLE - height
         ax.set_position((left / total[0], bottom / total[1], width / total[0], height / total[1]))
 
 

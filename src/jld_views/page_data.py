@@ -369,6 +369,7 @@ def _place(name: str, instead: Mapping[str, str]) -> str:
 
 
 def page(data: Mapping[str, Any]) -> str:
+    """Return the HTML of a page, with all its data, scripts and style inside."""
     script = linked("report.js", PLANAR if data["structure"]["dimension"] == 2 else None)
     style = asset("page.css")
     policy = (

@@ -34,10 +34,8 @@ class MovementSign(StrEnum):
 
 
 def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
-    """Choose a colour number (n,) for each element so that touching blocks differ if possible.
-
-    −1 for supports. Blocks with most neighbours choose first, each the least used colour that is left.
-    """
+    """Choose a colour number (n,) for each element so that touching blocks differ if possible."""
+    # −1 for supports. Blocks with most neighbours choose first, each the least used colour that is left.
     block, support = blocks_of(assembly, labels), assembly.elements.support
     a, b = block[assembly.interfaces.a], block[assembly.interfaces.b]
     neighbours: dict[int, set[int]] = {int(k): set() for k in block}
@@ -156,10 +154,9 @@ def down_the_load_path(assembly: Assembly, vectors: Floats) -> Floats:
 
 
 def thrust_segments(assembly: Assembly, forces: Floats) -> list[Floats]:
-    """Return segments (2, d) of the thrust line under resultants (m, q).
-
-    Each is of a free element that exactly two faces press; empty where fewer than half of the loaded elements have one.
-    """
+    """Return segments (2, d) of the thrust line under resultants (m, q)."""
+    # Each is of a free element that exactly two faces press; empty where fewer than half of the loaded elements have
+    # one.
     points, on_face = pressure_points(assembly, forces)
     size = np.linalg.norm(face_vectors(assembly, forces), axis=1)
     pressed = (forces[:, 0] > 0.0) & on_face & (size > SMALL * size.max(initial=0.0))

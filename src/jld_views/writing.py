@@ -85,10 +85,8 @@ def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
 def write_numbers(
     ax: Axes, assembly: Assembly, blocks: Sequence[Sequence[int]], centroids: Sequence[Any], size: float = 7.0
 ) -> list[Text]:
-    """Write the number of each block, from 1, into a drawing.
-
-    Return the texts. In space it stands on the largest visible part, if that is large enough.
-    """
+    """Write the number of each block, from 1, into a drawing."""
+    # Return the texts. In space it stands on the largest visible part, if that is large enough.
     if assembly.dimension == 2:
         points = [_inside(assembly, block, np.asarray(at)) for block, at in zip(blocks, centroids, strict=True)]
         projected: list[Any] = [projection_of(assembly)(point[None])[0] for point in points]

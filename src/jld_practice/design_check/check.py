@@ -623,22 +623,22 @@ def _structures(
     scene: Scene, labels: Bits, factors: scene_design.PartialFactors, combinations: list[Combination]
 ) -> list[tuple[Assembly, Bits]]:
     """Return structure and labels under each combination, at design values; loads of parts are characteristic."""
-    found: dict[float, tuple[Assembly, Bits]] = {}
+    by_prestress: dict[float, tuple[Assembly, Bits]] = {}
     structures = []
     for combination in combinations:
         prestress = combination.factors(factors)["prestressing"]
-        if prestress not in found:
+        if prestress not in by_prestress:
             design = at_design_values(scene, factors, prestress)
             built = build_assembly(design)
             if len(built.interfaces) != len(labels):
                 problem = "the design tension equals the design prestress of a member"
                 raise InputError("members", problem, "a larger tension, or other factors")
             require_cracks(built)
-            found[prestress] = built, labels
+            by_prestress[prestress] = built, labels
             if isinstance(scene.cracks, cracks.CellCracks):
                 cells = crack_cells(design, built, scene.cracks.cell)
-                found[prestress] = cells.fine, cells.labels(labels)
-        structure, labels_built = found[prestress]
+                by_prestress[prestress] = cells.fine, cells.labels(labels)
+        structure, labels_built = by_prestress[prestress]
         structures.append(
             (structure if factors.by_parts else at_design_loads(structure, factors, combination), labels_built)
         )

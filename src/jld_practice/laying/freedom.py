@@ -478,7 +478,7 @@ class Bodies:
         weight = assembly.elements.weight.sum(axis=0)
         up = -weight if np.any(weight) else np.eye(assembly.dimension)[-1]
         self.up: Floats = up / np.linalg.norm(up)
-        self._ways: dict[bytes, Floats] = {}
+        self._directions_of: dict[bytes, Floats] = {}
 
     @cached_property
     def arcs(self) -> Arcs:
@@ -500,13 +500,13 @@ class Bodies:
         # They follow from the block's own contacts and from the assembly, never from other blocks present: a block that
         # can be removed can still be removed when fewer remain, and blocks that lock one another always do.
         key = np.packbits(moving).tobytes()
-        if key not in self._ways:
+        if key not in self._directions_of:
             faces = self.assembly.interfaces
             border = moving[faces.a] != moving[faces.b]
             every = np.concatenate([_directions(faces.normal[border]), self.common])
             every = every[np.sort(np.unique(np.round(every, 9), axis=0, return_index=True)[1])]
-            self._ways[key] = every[np.argsort(-np.round(every @ self.up, 6), kind="stable")]
-        return self._ways[key]
+            self._directions_of[key] = every[np.argsort(-np.round(every @ self.up, 6), kind="stable")]
+        return self._directions_of[key]
 
 
 class Freedom:
@@ -554,30 +554,31 @@ class Freedom:
 
         there: (k,) mask of the blocks present. most: largest size of a group.
         """
+        # a group is a block with all that it meets along a direction, and all that these meet
         blocks = self.blocks
         if not self._planar and not self._loose(there):
             return []
-        directions, table, swept = self._blocking
+        directions, obstructs, swept = self._blocking
         present = np.flatnonzero(there)
         fixed = blocks.fixed[present]
         groups: dict[bytes, tuple[Ints, Floats]] = {}
         step = max(1, _CHUNK // max(1, len(present) ** 2))
 
-        def free(numbers: Ints) -> tuple[Bools, Bools]:
+        def reach_and_free(numbers: Ints) -> tuple[Bools, Bools]:
             """Return what each block takes along (w, s, s) in directions (w,), and those (w, s) that leave."""
-            reach = _transitive_closure(table[numbers][:, present][:, :, present])
+            reach = _transitive_closure(obstructs[numbers][:, present][:, :, present])
             return reach, (reach.sum(axis=2) <= most) & ~reach[:, :, fixed].any(axis=2)
 
         for first in range(0, len(directions), step):
             numbers = np.arange(first, min(first + step, len(directions)))
-            reach, free_pairs = free(numbers)
+            reach, free_pairs = reach_and_free(numbers)
             # sweeps only take groups away, so they are made where contacts leave some, until all in a group are swept
             for row in np.flatnonzero(free_pairs.any(axis=1)).tolist() if not self._planar else ():
                 number = numbers[row]
                 while len(todo := present[reach[row][free_pairs[row]].any(axis=0) & ~swept[number, present]]):
                     for block in todo.tolist():
                         self._sweep(number, block)
-                    row_reach, row_free = free(numbers[row : row + 1])
+                    row_reach, row_free = reach_and_free(numbers[row : row + 1])
                     reach[row], free_pairs[row] = row_reach[0], row_free[0]
             for direction_number, row in zip(*np.nonzero(free_pairs), strict=True):
                 group = present[reach[direction_number, row]]
@@ -630,30 +631,30 @@ class Freedom:
 
     @cached_property
     def _blocking(self) -> tuple[Floats, Bools, Bools]:
-        """Directions (k, d), a table (k, b, b) of blocks that obstruct others, and which rows (k, b) are whole."""
+        """Directions (k, d), which blocks obstruct which (k, b, b), and which rows (k, b) of it are complete."""
         # Entry (direction, i, j) is True where block i, moved along the direction, meets block j. In space, rows hold
         # contacts until `_sweep` adds the rest.
         blocks, count = self.blocks, len(self.blocks)
         if self._planar:
             angle = self.bodies.arcs.turns
-            table = self.bodies.arcs.blocking(blocks.of, count)
-            return np.column_stack([np.cos(angle), np.sin(angle)]), table, np.ones(table.shape[:2], dtype=bool)
+            obstructs = self.bodies.arcs.blocking(blocks.of, count)
+            return np.column_stack([np.cos(angle), np.sin(angle)]), obstructs, np.ones(obstructs.shape[:2], dtype=bool)
         directions = self.bodies.common
-        table = np.zeros((len(directions), count, count), dtype=bool)
+        obstructs = np.zeros((len(directions), count, count), dtype=bool)
         towards = blocks.normal @ directions.T
         for face, number in zip(*np.nonzero(abs(towards) > _TURN), strict=True):
             ends = (blocks.first[face], blocks.second[face])
-            table[(number, *(ends if towards[face, number] > 0.0 else ends[::-1]))] = True
-        return directions, table, np.repeat(blocks.fixed[None], len(directions), axis=0)
+            obstructs[(number, *(ends if towards[face, number] > 0.0 else ends[::-1]))] = True
+        return directions, obstructs, np.repeat(blocks.fixed[None], len(directions), axis=0)
 
     def _sweep(self, number: int, block: int) -> None:
         """Add the blocks that one in space meets along a direction to the table of those that obstruct it."""
-        directions, table, swept = self._blocking
+        directions, obstructs, swept = self._blocking
         swept[number, block] = True
         moving = self.blocks.of == block
-        others = np.flatnonzero(~moving & ~table[number, block][self.blocks.of])
+        others = np.flatnonzero(~moving & ~obstructs[number, block][self.blocks.of])
         met = self.bodies.solids.swept(np.flatnonzero(moving), others, directions[number], self.blocks.of)
-        table[number, block, met] = True
+        obstructs[number, block, met] = True
 
 
 def _transitive_closure(arrows: Bools) -> Bools:

@@ -332,7 +332,7 @@ class BlockSearch:
     """Branch and bound over the blocks of one space, if that search is wanted and promising."""
 
     def __init__(self, context: ProofContext, wanted: ByBlocks = "auto") -> None:
-        self._context, self._wanted = context, wanted
+        self._context, self._by_blocks = context, wanted
         self._bounds: BlockBoundPool | None = None
         self._jobs = 1
         self._tree: BlockTree | None = None
@@ -345,24 +345,26 @@ class BlockSearch:
         """Start the tree where it is wanted; return a bound on scaled λ of all, at most `root`."""
         # Without possible blocks, or where the relaxation does not apply, nothing is started and `root` is returned.
         blocks = self._context.blocks
-        if self._wanted == "off" or blocks is None or not math.isfinite(root):
+        if self._by_blocks == "off" or blocks is None or not math.isfinite(root):
             return root
         if not all(applies_to(analysis) for analysis in self._context.analyses):
             return root
         listed = _BLOCKS_PER_ELEMENT * len(self._context.space.assembly.elements.free)
-        if self._wanted == "auto" and len(blocks) > listed:
+        if self._by_blocks == "auto" and len(blocks) > listed:
             return root
-        return self._plant(blocks, least, root)
+        return self._make_tree(blocks, least, root)
 
     def start_late(self, least: float, root: float) -> float:
         """Start the tree of many blocks once conflicts of faces have taken as long as a program; see `start`."""
         blocks, bounds = self._context.blocks, self._bounds
-        if self._wanted == "off" or bounds is not None or blocks is None:
+        if self._by_blocks == "off" or bounds is not None or blocks is None:
             return root
         new_bounds = BlockBoundPool(self._context, blocks)
-        return self._plant(blocks, least, root, new_bounds) if new_bounds.batched else root
+        return self._make_tree(blocks, least, root, new_bounds) if new_bounds.batched else root
 
-    def _plant(self, blocks: PossibleBlocks, least: float, root: float, bounds: BlockBoundPool | None = None) -> float:
+    def _make_tree(
+        self, blocks: PossibleBlocks, least: float, root: float, bounds: BlockBoundPool | None = None
+    ) -> float:
         """Solve the root, and keep its tree where that is wanted; return a bound, at most `root`."""
         self._bounds = bounds or BlockBoundPool(self._context, blocks)
         self._bounds.set_workers(self._jobs)
@@ -372,7 +374,7 @@ class BlockSearch:
         # the relaxation of wedges is a linear program; with cones it is too slow for a tree
         sets = [analysis.template.yield_set for analysis in self._context.analyses]
         quick = all(yield_set.coulomb_wedge(dry=True) is not None for yield_set in sets)
-        if self._wanted == "on" or (quick and not narrow and root - tree.root.bound >= _GAP_CLOSED * (root - least)):
+        if self._by_blocks == "on" or (quick and not narrow and root - tree.root.bound >= _GAP_CLOSED * (root - least)):
             self._tree = tree
         return min(root, tree.root.bound)
 

@@ -139,7 +139,8 @@ class Certifier:
         write(path, claim, [*reasons, *lemmas])
 
     def _bound_of_all(self, hints: list[Conflict]) -> tuple[Mechanism | BlockMechanism | None, list[int]]:
-        """Return the mechanisms that bound all labellings, None if there are none, and clauses of ceilings added."""
+        """Return the mechanism that bounds λ of all labellings, None without one, and clauses of ceilings added."""
+        # a ceiling bounds λ of a load case for all labellings, above the bound; its clause, always true, only states it
         root: Mechanism | BlockMechanism | None = self._mechanism(*self._always_dry())
         ceilings: list[int] = []
         if root is None and any(hint.by_possible_blocks for hint in hints):
