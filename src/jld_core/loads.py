@@ -222,9 +222,7 @@ def resultants(loads: Loads, elements: Bodies) -> Floats:
         [points.element, np.array([traction.element for traction in loads.tractions], dtype=np.int64)]
     )
     at = np.concatenate([points.at, np.array([traction.origin for traction in loads.tractions]).reshape(-1, d)])
-    force = np.concatenate(
-        [points.force, np.array([force_of_traction for force_of_traction, _ in of_tractions]).reshape(-1, d)]
-    )
+    force = np.concatenate([points.force, np.array([force for force, _ in of_tractions]).reshape(-1, d)])
     couples = np.zeros((len(element), loads.couples.shape[1]))
     for k, (_, moment) in enumerate(of_tractions, len(points)):
         couples[k] = moment

@@ -159,12 +159,10 @@ def _resultants(problem: Problem, blocks: RigidBlocks, body: Floats, traction: F
     np.add.at(total, blocks.of_cell[mesh.cell], np.einsum("tij,tj->ti", _wrenches(mesh.corners.mean(axis=1)), force))
     rows = np.flatnonzero(traction.any(axis=(1, 2)))
     corner = mesh.corners[sides.a[rows][:, None], sides.corner_a[rows]]
-    corner_force = (traction[rows] + traction[rows].sum(axis=1, keepdims=True)) * (sides.area[rows] / 12.0)[
-        :, None, None
-    ]
-    np.add.at(
-        total, blocks.of_cell[mesh.cell[sides.a[rows]]], np.einsum("kcij,kcj->ki", _wrenches(corner), corner_force)
-    )
+    share = (sides.area[rows] / 12.0)[:, None, None]
+    force = (traction[rows] + traction[rows].sum(axis=1, keepdims=True)) * share
+    block = blocks.of_cell[mesh.cell[sides.a[rows]]]
+    np.add.at(total, block, np.einsum("kcij,kcj->ki", _wrenches(corner), force))
     return total
 
 

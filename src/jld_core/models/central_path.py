@@ -138,10 +138,8 @@ class MovingRows:
         matrices = [self.rows, *shifted]
         if not self.torsion.size:
             return np.zeros((3, 0))
-        coefficients = [
-            sp.csr_matrix(matrix)[self.torsion, columns]
-            for matrix, columns in zip(matrices, self._torsion_columns, strict=True)
-        ]
+        pairs = zip(matrices, self._torsion_columns, strict=True)
+        coefficients = [sp.csr_matrix(matrix)[self.torsion, columns] for matrix, columns in pairs]
         return np.stack([np.asarray(row).ravel() for row in coefficients])
 
     def _matrix(self, template: Template, labels: Bits, ratio: float, arm: tuple[float, float]) -> sp.csr_array:

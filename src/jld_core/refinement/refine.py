@@ -696,9 +696,7 @@ def _at_means(scene: Scene) -> Scene:
         return scene
     means = with_means(scene.model_dump(mode="json", exclude_defaults=True, include=shared))
     at_means = parse_scene(scene.model_dump(mode="json", exclude_defaults=True) | means, scene.name)
-    return scene.model_copy(
-        update={"loads": at_means.loads, "members": at_means.members, "elements": at_means.elements}
-    )
+    return scene.model_copy(update={name: getattr(at_means, name) for name in shared})
 
 
 def cells_of(assembly: Assembly, cell: float) -> CrackCells:
