@@ -211,7 +211,7 @@ class Elements:
         # an InputError gives the three ids most like an unknown one, of supports or of free elements alone
         if name not in self.index:
             fixed = self.support.tolist()
-            ids = [name for name, is_support in zip(self.ids, fixed, strict=True) if support in (None, is_support)]
+            ids = [key for key, is_support in zip(self.ids, fixed, strict=True) if support in (None, is_support)]
             similar = get_close_matches(name, ids, 3, 0.5) or ids[:3]
             raise InputError(where, f"no element is named {name!r}", f"{expected}, such as {', '.join(similar)}")
         return self.index[name]

@@ -158,6 +158,7 @@ def units_of(assembly: Assembly, material: Material) -> Units:
 
 
 def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh, loads: FieldLoads) -> Problem:
+    # all data of the problem are scaled by the units
     per_volume = units.length / units.stress  # scales forces per volume
     dry_strengths, sides = assembly.strengths(_ROUTE).side(dry=True), mesh.sides
     crushing = np.where(np.isnan(dry_strengths.crush), np.inf, dry_strengths.crush)

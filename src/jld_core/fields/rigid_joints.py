@@ -100,10 +100,8 @@ def rigid_balance(problem: Problem, blocks: RigidBlocks, *, at_nodes: bool) -> R
     """
     rows = blocks.dry(problem)
     balance = _equilibrium_matrix(problem, blocks, rows, at_nodes=at_nodes)
-    live, dead = (
-        _resultants(problem, blocks, problem.live, problem.pull),
-        _resultants(problem, blocks, problem.dead, problem.dead_pull),
-    )
+    live = _resultants(problem, blocks, problem.live, problem.pull)
+    dead = _resultants(problem, blocks, problem.dead, problem.dead_pull)
     free = np.repeat(blocks.free, 6)
     equations = sp.hstack([balance, sp.csr_array(live.reshape(-1, 1))], format="csr")[free]
     linear, threes = _joint_cones(problem, rows)

@@ -358,6 +358,7 @@ class CentralPath:
         slopes: Floats,
     ) -> PathPoint | None:
         """Return the Newton step of a point towards path parameter `target`; None if singular."""
+        # slopes: derivatives of the parameters, see `MovingRows.parameters`
         rows, n, count = self.rows, self.rows.size, len(self.rows.rhs)
         dual, balance, primal = residuals
         parameters, _ = rows.parameters(point.y)
