@@ -294,11 +294,11 @@ class StandardYield(RowYield):
 
     def with_friction(self, share: float) -> StandardYield:
         """Return a copy with all friction coefficients multiplied by `share`, for proofs alone."""
-        return self._with_shear(lambda one: replace(one, mu=share * one.mu))
+        return self._with_shear(lambda rows: replace(rows, mu=share * rows.mu))
 
     def without_shear_limit(self) -> StandardYield:
         """Return a copy without any limit on shear, for proofs of bending alone."""
-        return self._with_shear(lambda one: replace(one, c=0.0 * one.c, mu=0.0 * one.mu))
+        return self._with_shear(lambda rows: replace(rows, c=0.0 * rows.c, mu=0.0 * rows.mu))
 
     def _with_shear(self, change: Callable[[LabelRows], LabelRows]) -> StandardYield:
         return replace(self, dry=change(self.dry), inner=change(self.inner))
