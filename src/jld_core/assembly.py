@@ -211,9 +211,7 @@ class Elements:
         # an InputError gives the three ids most like an unknown one, of supports or of free elements alone
         if name not in self.index:
             fixed = self.support.tolist()
-            ids = [
-                element for element, is_support in zip(self.ids, fixed, strict=True) if support in (None, is_support)
-            ]
+            ids = [key for key, is_support in zip(self.ids, fixed, strict=True) if support in (None, is_support)]
             similar = get_close_matches(name, ids, 3, 0.5) or ids[:3]
             raise InputError(where, f"no element is named {name!r}", f"{expected}, such as {', '.join(similar)}")
         return self.index[name]
@@ -601,10 +599,8 @@ def checked_labels(labels: Labels, assembly: Assembly, parameter: str) -> Bits:
     expected = f"{faces} labels, one per interface: True, 1 or d = dry; False, 0 or i = inner"
     # labels of an evaluation also cover the interfaces of members
     if values.ndim != 1 or len(values) not in (faces, len(assembly.interfaces)):
-        problem = (
-            f"{len(values)} labels are given" if values.ndim == 1 else f"an array of shape {values.shape} is given"
-        )
-        raise ParameterError(parameter, problem, expected)
+        count = f"{len(values)} labels" if values.ndim == 1 else f"an array of shape {values.shape}"
+        raise ParameterError(parameter, f"{count} are given" if values.ndim == 1 else f"{count} is given", expected)
     if values.dtype == np.bool_:
         return np.asarray(values, dtype=bool)
     items: Sequence[object] = values.tolist()

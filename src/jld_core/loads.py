@@ -221,14 +221,12 @@ def resultants(loads: Loads, elements: Bodies) -> Floats:
     element = np.concatenate(
         [points.element, np.array([traction.element for traction in loads.tractions], dtype=np.int64)]
     )
-    at = np.concatenate([points.at, np.array([traction.origin for traction in loads.tractions]).reshape(-1, d)])
-    force = np.concatenate(
-        [points.force, np.array([force_of_traction for force_of_traction, _ in of_tractions]).reshape(-1, d)]
-    )
+    place = np.concatenate([points.at, np.array([traction.origin for traction in loads.tractions]).reshape(-1, d)])
+    force = np.concatenate([points.force, np.array([force for force, _ in of_tractions]).reshape(-1, d)])
     couples = np.zeros((len(element), loads.couples.shape[1]))
     for k, (_, moment) in enumerate(of_tractions, len(points)):
         couples[k] = moment
-    arm = at - elements.centroid[element]
+    arm = place - elements.centroid[element]
     cross = np.cross(arm, force) if d == 3 else (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0])[:, None]
     total = np.concatenate([loads.body, loads.couples], axis=1)
     size = np.linalg.norm(force, axis=1)[:, None]

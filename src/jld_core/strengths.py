@@ -103,9 +103,7 @@ class Strengths:
 
     def side(self, *, dry: bool) -> Side:
         label = "dry" if dry else "inner"
-        numbers = {
-            parameter.side: getattr(self, parameter.field) for parameter in PARAMETERS if parameter.label == label
-        }
+        numbers = {p.side: getattr(self, p.field) for p in PARAMETERS if p.label == label}
         return Side(**{"tension": np.zeros(len(self.friction)), **numbers})
 
     def under(self, labels: Bits) -> Side:
@@ -144,10 +142,7 @@ class Strengths:
     def facts(self) -> dict[str, Bools]:
         """Return for each fact a mask (m,) of the interfaces that state it."""
         values = [(parameter, getattr(self, parameter.field)) for parameter in PARAMETERS]
-        return {
-            parameter.fact: np.isfinite(value) if parameter.field in ENDS else value > 0.0
-            for parameter, value in values
-        }
+        return {p.fact: np.isfinite(value) if p.field in ENDS else value > 0.0 for p, value in values}
 
 
 @dataclass(frozen=True)
@@ -212,11 +207,8 @@ class FaceStrengths:
         """Return the error of an unknown fact of the interfaces `concerned` (m,)."""
         key, words = FACTS[fact]
         if fact in CRITERIA:
-            criterion = next(
-                candidate
-                for candidate in self.criteria
-                if fact.startswith(candidate.label) and (candidate.faces & concerned).any()
-            )
+            of_label = [c for c in self.criteria if fact.startswith(c.label)]
+            criterion = next(c for c in of_label if (c.faces & concerned).any())
             return InputError(
                 criterion.key, f'"{criterion.name}" is unknown to {route.name}', "standard strengths in place of it"
             )
@@ -254,9 +246,7 @@ class FaceStrengths:
 
         def times(numbers: Strengths) -> Strengths:
             items = vars(numbers).items()
-            return Strengths(
-                **{name: np.where(faces, factors.get(name, 1.0) * values, values) for name, values in items}
-            )
+            return Strengths(**{key: np.where(faces, factors.get(key, 1.0) * x, x) for key, x in items})
 
         nominal = None if self._nominal_numbers is None else times(self._nominal_numbers)
         return replace(self, _stated_numbers=times(self._stated_numbers), _nominal_numbers=nominal)

@@ -271,10 +271,8 @@ def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
 
 
 def _graph(assembly: Assembly) -> tuple[tuple[Ints, Ints, Floats], Ints, Ints]:
-    """Return the graph of free elements: (its edges (e,), (e,), centroids), and both ends (m,) of all faces.
-
-    Free elements are numbered from 0; −1 is a support.
-    """
+    """Return the graph of free elements: (its edges (e,), (e,), centroids), and both ends (m,) of all faces."""
+    # free elements are numbered from 0; −1 is a support
     elements, faces = assembly.elements, assembly.interfaces
     node = np.full(len(elements), -1, dtype=np.int64)
     node[elements.free] = np.arange(len(elements.free))

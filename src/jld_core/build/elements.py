@@ -196,11 +196,9 @@ def _within(scene: Scene) -> float:
 
 
 def _closed_polygon(scene: Scene, ids: list[str], outlines: list[Floats]) -> tuple[list[Floats], float]:
-    """Close gaps and overlaps between outlines (k, 2); return them and the largest displacement.
-
-    Grids, scenes with stated interfaces, displacements within the tolerance of contacts, and, without a stated
-    tolerance, scenes in which an element would vanish stay unchanged. With one, that raises InputError.
-    """
+    """Close gaps and overlaps between outlines (k, 2); return them and the largest displacement."""
+    # Grids, scenes with stated interfaces, displacements within the tolerance of contacts, and, without a stated
+    # tolerance, scenes in which an element would vanish stay unchanged. With one, that raises InputError.
     if scene.grid is not None or scene.interfaces is not None:
         return outlines, 0.0
     edges = np.concatenate([np.hypot(*(np.roll(outline, -1, axis=0) - outline).T) for outline in outlines])

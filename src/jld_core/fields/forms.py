@@ -128,9 +128,8 @@ def tangential(vectors: Floats, normals: Floats) -> Floats:
     """Return the sizes (k, j) of the parts of vectors (k, j, d) that are perpendicular to normals (k, d)."""
     if normals.shape[-1] == 2:
         return np.asarray(abs(vectors[..., 1] * normals[:, :1] - vectors[..., 0] * normals[:, 1:]))
-    return np.asarray(
-        np.linalg.norm([np.einsum("kji,ki->kj", vectors, direction) for direction in across(normals)], axis=0)
-    )
+    parts = [np.einsum("kji,ki->kj", vectors, direction) for direction in across(normals)]
+    return np.asarray(np.linalg.norm(parts, axis=0))
 
 
 def slack(material: Material, stress: Floats) -> Floats:

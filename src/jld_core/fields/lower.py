@@ -242,8 +242,8 @@ class LowerBound:
         # The error is at most twice the last correction plus the largest residual. A residual beyond rounding means
         # that the equations contradict each other.
         matrix, solver = self._equalities(labels)
-        whole, rhs = self.equilibrium
-        rhs = rhs - load_factor * whole[:, [-1]].toarray().ravel()
+        with_load_column, rhs = self.equilibrium
+        rhs = rhs - load_factor * with_load_column[:, [-1]].toarray().ravel()
         rhs = np.concatenate([rhs, np.zeros(matrix.shape[0] - len(rhs))])
         previous, size = np.inf, np.inf
         for _ in range(_STEPS):

@@ -158,6 +158,7 @@ def units_of(assembly: Assembly, material: Material) -> Units:
 
 
 def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh, loads: FieldLoads) -> Problem:
+    # all data of the problem are scaled by the units
     per_volume = units.length / units.stress  # scales forces per volume
     dry_strengths, sides = assembly.strengths(_ROUTE).side(dry=True), mesh.sides
     crushing = np.where(np.isnan(dry_strengths.crush), np.inf, dry_strengths.crush)
@@ -215,9 +216,8 @@ def require_refinement(assembly: Assembly, labels: Bits | None, gap: float, patc
     # labels (m,), by default those of the scene; InputError for shape, type, or a dry face without friction
     checked = np.asarray(assembly.labels if labels is None else labels)
     if checked.shape != (len(assembly.interfaces),) or checked.dtype != bool:
-        raise InputError(
-            "labels", f"shape {checked.shape} of {checked.dtype}", f"({len(assembly.interfaces)},) of bool"
-        )
+        shape = f"({len(assembly.interfaces)},) of bool"
+        raise InputError("labels", f"shape {checked.shape} of {checked.dtype}", shape)
     missing = np.flatnonzero(checked & np.isnan(assembly.strengths(_ROUTE).friction))
     if missing.size:
         raise InputError("materials.dry", f"face {assembly.pair(int(missing[0]))} is dry", "a friction coefficient")

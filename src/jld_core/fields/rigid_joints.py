@@ -100,10 +100,8 @@ def rigid_balance(problem: Problem, blocks: RigidBlocks, *, at_nodes: bool) -> R
     """
     rows = blocks.dry(problem)
     balance = _equilibrium_matrix(problem, blocks, rows, at_nodes=at_nodes)
-    live, dead = (
-        _resultants(problem, blocks, problem.live, problem.pull),
-        _resultants(problem, blocks, problem.dead, problem.dead_pull),
-    )
+    live = _resultants(problem, blocks, problem.live, problem.pull)
+    dead = _resultants(problem, blocks, problem.dead, problem.dead_pull)
     free = np.repeat(blocks.free, 6)
     equations = sp.hstack([balance, sp.csr_array(live.reshape(-1, 1))], format="csr")[free]
     linear, threes = _joint_cones(problem, rows)
@@ -159,12 +157,10 @@ def _resultants(problem: Problem, blocks: RigidBlocks, body: Floats, traction: F
     np.add.at(total, blocks.of_cell[mesh.cell], np.einsum("tij,tj->ti", _wrenches(mesh.corners.mean(axis=1)), force))
     rows = np.flatnonzero(traction.any(axis=(1, 2)))
     corner = mesh.corners[sides.a[rows][:, None], sides.corner_a[rows]]
-    corner_force = (traction[rows] + traction[rows].sum(axis=1, keepdims=True)) * (sides.area[rows] / 12.0)[
-        :, None, None
-    ]
-    np.add.at(
-        total, blocks.of_cell[mesh.cell[sides.a[rows]]], np.einsum("kcij,kcj->ki", _wrenches(corner), corner_force)
-    )
+    share = (sides.area[rows] / 12.0)[:, None, None]
+    force = (traction[rows] + traction[rows].sum(axis=1, keepdims=True)) * share
+    block = blocks.of_cell[mesh.cell[sides.a[rows]]]
+    np.add.at(total, block, np.einsum("kcij,kcj->ki", _wrenches(corner), force))
     return total
 
 

@@ -69,14 +69,15 @@ class WeakEquilibrium:
         return kinds
 
     def rows(self) -> ConeRows:
+        # weak equilibrium of all triangles, 6 equations each, then linear yield rows and cones
         count = len(self.problem.mesh)
-        (matrix, right), linear = self._balance(), self._yield()
+        (balance, right), linear = self._balance(), self._yield()
         cones, panels = Rows(), np.arange(self._panels)
         radius_then_deviator = np.stack([3 * self._panels + panels, 3 * panels + 1, 3 * panels + 2], axis=1)
         cones.add([(radius_then_deviator.reshape(-1), -1.0)], 0.0, 3 * self._panels)
-        whole = sp.csr_array(sp.vstack([matrix, linear.matrix(self.width), cones.matrix(self.width)]))
+        matrix = sp.csr_array(sp.vstack([balance, linear.matrix(self.width), cones.matrix(self.width)]))
         sizes = ConeSizes(6 * count, linear.count, self._panels)
-        return ConeRows(whole, np.concatenate([right, linear.right, cones.right]), sizes)
+        return ConeRows(matrix, np.concatenate([right, linear.right, cones.right]), sizes)
 
     def _balance(self) -> tuple[sp.csr_array, Floats]:
         """Return the equations (6t, width) of nodal forces, row 6·triangle + 2·corner + axis, and their right side."""

@@ -93,9 +93,8 @@ def is_rectangle(polygons: Floats, tolerance: float) -> Bools:
     first, second = polygons[:, 2] - polygons[:, 0], polygons[:, 3] - polygons[:, 1]
     first_length, second_length = np.linalg.norm(first, axis=1), np.linalg.norm(second, axis=1)
     misfit = np.linalg.norm(polygons[:, 0] + polygons[:, 2] - polygons[:, 1] - polygons[:, 3], axis=1)
-    return np.asarray(
-        (misfit <= tolerance * first_length) & (np.abs(first_length - second_length) <= tolerance * first_length)
-    )
+    reach = tolerance * first_length
+    return np.asarray((misfit <= reach) & (np.abs(first_length - second_length) <= reach))
 
 
 def sizes(polygons: Floats) -> Floats:

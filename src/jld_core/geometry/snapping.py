@@ -131,9 +131,8 @@ def _without_swaps(positions: Floats, node: Ints, ends: Ints, tolerance: float) 
     edge_of = dict(zip(node.tolist(), ends.tolist(), strict=True))
 
     def passes(n: int, m: int) -> bool:
-        return (
-            n < m and n in edge_of.get(m, ()) and bool(np.linalg.norm(positions[n] - positions[m]) <= 2.0 * tolerance)
-        )
+        is_edge = n < m and n in edge_of.get(m, ())
+        return is_edge and bool(np.linalg.norm(positions[n] - positions[m]) <= 2.0 * tolerance)
 
     return np.array([not any(passes(n, m) for m in edge_of[n]) for n in node.tolist()], dtype=bool)
 
@@ -290,10 +289,8 @@ class _Loops:
         return self.node[self.start[face] : self.start[face] + self.count[face]]
 
     def stacks(self) -> list[tuple[Ints, Ints]]:
-        faces_by_count = [
-            (np.flatnonzero(self.count == corners), corners) for corners in np.unique(self.count).tolist()
-        ]
-        return [(faces, self.node[self.start[faces, None] + np.arange(corners)]) for faces, corners in faces_by_count]
+        by_count = [(np.flatnonzero(self.count == count), count) for count in np.unique(self.count).tolist()]
+        return [(faces, self.node[self.start[faces, None] + np.arange(count)]) for faces, count in by_count]
 
 
 class _FacePlanes:

@@ -232,12 +232,8 @@ def _cut_rectangles(
     """Intersect pairs (p,) of parallel rectangles; return their mask (p,) and contacts by position."""
     row, stack = facets.four
     first, second = stack[row[first_facet]], stack[row[second_facet]]
-    origin, e1, e2, normal = (
-        facets.origin[first_facet],
-        frames.e1[first_facet],
-        frames.e2[first_facet],
-        facets.normal[first_facet],
-    )
+    origin, normal = facets.origin[first_facet], facets.normal[first_facet]
+    e1, e2 = frames.e1[first_facet], frames.e2[first_facet]
     side = np.abs(np.einsum("ij,ij->i", e1, frames.e1[second_facet]))
     skew = np.minimum(side, np.abs(np.einsum("ij,ij->i", e2, frames.e1[second_facet])))
     aligned = (skew <= PARALLEL) & (np.einsum("ij,ij->i", normal, facets.normal[second_facet]) < PARALLEL - 1.0)
@@ -277,10 +273,8 @@ def _cut_polygons(
     """Intersect pairs of facets (p,) of any shape in the plane of the first, with positions."""
     if not len(first_facet):
         return []
-    first, second = (
-        regions_in_planes(facets, frames, first_facet, first_facet),
-        regions_in_planes(facets, frames, second_facet, first_facet),
-    )
+    first = regions_in_planes(facets, frames, first_facet, first_facet)
+    second = regions_in_planes(facets, frames, second_facet, first_facet)
     shared = intersections(first, second)
     size = np.minimum(facets.size[first_facet], facets.size[second_facet])
     contacts = []
@@ -384,12 +378,8 @@ class _Heights:
     def of(self, facet: Ints, element: Ints) -> tuple[Floats, Floats]:
         """Return the least and the greatest height (k,) of an element's vertices above each facet's plane."""
         owner, corner = spread(self._first[element], self._count[element])
-        facet_of_corner = facet[owner]
-        height = np.einsum(
-            "ij,ij->i",
-            self._points[corner] - self._facets.origin[facet_of_corner],
-            self._facets.normal[facet_of_corner],
-        )
+        arm = self._points[corner] - self._facets.origin[facet[owner]]
+        height = np.einsum("ij,ij->i", arm, self._facets.normal[facet[owner]])
         begin = np.concatenate([[0], np.cumsum(self._count[element])])[:-1]
         return np.minimum.reduceat(height, begin), np.maximum.reduceat(height, begin)
 

@@ -60,12 +60,7 @@ def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
     for heights, low, high in sorted(edges, key=lambda edge: max(abs(height) for height in edge[0])):
         if any(min(high, b) - max(low, a) > tolerances.FACE * length for a, b in uncovered):
             heights_at_contact += heights
-        uncovered = [
-            interval
-            for a, b in uncovered
-            for interval in ((a, min(b, low)), (max(a, high), b))
-            if interval[1] > interval[0]
-        ]
+        uncovered = [part for a, b in uncovered for part in ((a, min(b, low)), (max(a, high), b)) if part[1] > part[0]]
     beyond = sum(b - a for a, b in uncovered)
     return Fit(length, beyond, max([0.0, *heights_at_contact]), max([0.0, *(-height for height in heights_at_contact)]))
 
@@ -231,10 +226,8 @@ def refuse_overlaps(pairs: Sequence[Overlap], expected: str, within: float) -> t
         return (f"{len(pairs)} pairs of elements overlap, by up to {deepest:.3g}",) if pairs else ()
     places_in_words = [f"by {pair.depth:.3g} at ({_point(pair.place)})" for pair in pairs]
     first = pairs[0]
-    further = [
-        f"{p.a!r} and {p.b!r} {place_in_words}"
-        for p, place_in_words in zip(pairs[1:_NAMED], places_in_words[1:_NAMED], strict=True)
-    ]
+    named = zip(pairs[1:_NAMED], places_in_words[1:_NAMED], strict=True)
+    further = [f"{p.a!r} and {p.b!r} {place}" for p, place in named]
     unnamed = len(pairs) - _NAMED
     problem = f"they overlap {places_in_words[0]}" + ("; so do " + ", ".join(further) if further else "")
     problem += f" and {unnamed} more pairs" if unnamed > 0 else ""

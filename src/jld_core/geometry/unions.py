@@ -94,9 +94,7 @@ def extrude(region: Region, depth: float) -> Surface:
     caps: list[tuple[int, ...]] = [*front, *back]
     if not region.holes:
         caps = [tuple(range(count)), tuple(range(2 * count - 1, count - 1, -1))]
-    side_triangles = [
-        triangle for side in sides for triangle in ((side[0], side[1], side[2]), (side[0], side[2], side[3]))
-    ]
+    side_triangles = [triangle for a, b, c, d in sides for triangle in ((a, b, c), (a, c, d))]
     return Surface(points, (*caps, *sides), (*front, *back, *side_triangles))  # type: ignore[arg-type]
 
 
@@ -145,13 +143,9 @@ def _planes(facets: Facets, reach: float) -> list[list[int]]:
     # the first facet of each group
     first = np.zeros(len(facets), dtype=np.int64)
     for k in range(len(facets)):
-        first_of_groups = first[: len(groups)]
-        distance = np.abs(
-            np.einsum("ij,ij->i", facets.origin[k] - facets.origin[first_of_groups], facets.normal[first_of_groups])
-        )
-        is_in_plane = (np.abs(facets.normal[first_of_groups] @ facets.normal[k]) > 1.0 - _PARALLEL) & (
-            distance <= reach
-        )
+        origin, normal = facets.origin[first[: len(groups)]], facets.normal[first[: len(groups)]]
+        distance = np.abs(np.einsum("ij,ij->i", facets.origin[k] - origin, normal))
+        is_in_plane = (np.abs(normal @ facets.normal[k]) > 1.0 - _PARALLEL) & (distance <= reach)
         if is_in_plane.any():
             groups[int(np.argmax(is_in_plane))].append(k)
         else:

@@ -219,6 +219,7 @@ class SampleAnalysis:
 
     @cached_property
     def _repeated(self) -> BatchRows | None:
+        # the rows of one sample, once for each sample of a call
         rows = self._rows_of_one
         if rows is None:
             return None

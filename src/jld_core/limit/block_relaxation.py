@@ -232,10 +232,7 @@ class BlockRelaxation:
     # --- solving ----------------------------------------------------------------------------------------
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Bound λ over the segmentations into allowed blocks.
-
-        allowed: (p,) blocks that may be chosen.
-        """
+        """Bound λ, within [threshold, most], over the segmentations into allowed blocks (p,)."""
         choice = self._choose(allowed, threshold, most, self._coarse_solver)
         if not self._is_close(choice, threshold):
             return choice

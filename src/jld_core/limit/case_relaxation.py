@@ -625,6 +625,7 @@ class NormalCaps:
         return min(self._bound_on_normal_force(candidate, face, threshold, most) for candidate in velocities)
 
     def _bound_on_normal_force(self, velocity: Floats, face: int, threshold: float, most: float) -> float:
+        # The work balance of jumps with one less opening of the face bounds its N, at any λ in [threshold, most].
         template, faces = self._template, np.arange(len(self._labels))
         jumps = self._prover.jumps(velocity[None])[0].copy()
         jumps[face, 0] -= 1.0

@@ -442,7 +442,7 @@ class SelfStress:
         # Forces that are admissible in the rows that the self-stresses leave are blended with `inside`. Self-stresses
         # are then added until all rows hold.
         resultants = self.template.matrix.shape[1]
-        inner = self._project_onto_equilibrium(inside)
+        inner = self._project_onto_equilibrium(inside)  # a point and its error, like `outer`
         for stage, (tolerance, margin) in itertools.product(self.stages, _ACCURACIES):
             program = program_of_rows(self.template.program(self.labels, margin), stage.remaining, right=True)
             outer = self._project_onto_equilibrium(

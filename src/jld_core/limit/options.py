@@ -159,9 +159,8 @@ class Model:
         """Return the fields that are not None as plain values, a solver object by its name."""
         solver = self.solver if isinstance(self.solver, str) else self.solver.name
         options = {name: value for name, value in vars(self).items() if value is not None}
-        return (
-            options | {"solver": solver} | ({"cracks": cracks_to_json(cracks_of(self.cracks))} if self.cracks else {})
-        )
+        cracks = {"cracks": cracks_to_json(cracks_of(self.cracks))} if self.cracks else {}
+        return options | {"solver": solver} | cracks
 
 
 SolveOptions = Model

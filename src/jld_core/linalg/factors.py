@@ -401,7 +401,7 @@ def _lu(normal: sp.csc_array) -> Callable[[Floats], Floats]:
 
 
 def _right_inverse(matrix: Floats) -> Floats:
-    # The pseudo-inverse serves linearly dependent rows.
+    # Aᵀ(AAᵀ)⁻¹ of a matrix A; the pseudo-inverse serves linearly dependent rows.
     try:
         factor = np.linalg.cholesky(matrix @ matrix.T)
     except np.linalg.LinAlgError:

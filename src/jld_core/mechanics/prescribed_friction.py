@@ -72,9 +72,8 @@ class PrescribedFriction:
         # The torsion rows of dry faces become t ± ρ (mT + a·V) ≤ capacity, divided by ρ to keep coefficients of order
         # one.
         face_columns = 6 * len(self.previous)
-        torsion_entries = np.flatnonzero(
-            (pattern.column < face_columns) & (pattern.column % 6 == 5) & (pattern.dry != 0.0)
-        )
+        is_torsion = (pattern.column < face_columns) & (pattern.column % 6 == 5)
+        torsion_entries = np.flatnonzero(is_torsion & (pattern.dry != 0.0))
         row, face, sign = pattern.row[torsion_entries], pattern.face[torsion_entries], pattern.dry[torsion_entries]
         divisor = np.ones(len(pattern.h_dry))
         divisor[row] = areas.ratio[face]
@@ -138,10 +137,8 @@ class PrescribedFriction:
         if self.areas is None:
             return forces
         result = forces.copy()
-        shear_moment = np.einsum("ij,ij->i", self.areas.arm, forces[:, 1:3])
-        result[:, 5] = np.where(
-            self.base.is_dry(labels), self.areas.ratio * (forces[:, 5] + shear_moment), forces[:, 5]
-        )
+        about_area = forces[:, 5] + np.einsum("ij,ij->i", self.areas.arm, forces[:, 1:3])
+        result[:, 5] = np.where(self.base.is_dry(labels), self.areas.ratio * about_area, forces[:, 5])
         return result
 
     def _jumps_about(self, jumps: Floats, labels: Bits) -> Floats:

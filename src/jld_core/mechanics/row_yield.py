@@ -457,9 +457,8 @@ class RowYield:
 
     def _slack(self, forces: Floats, labels: Bits, sides: str, capacity: str) -> Floats:
         """Return the least slack (m,) of rows and gauges, with sides and capacity of these names."""
-        rows = np.einsum("mrj,mj->mr", self._by_label(labels, "C"), forces[:, self._core]) + self._by_label(
-            labels, sides
-        )
+        rows = np.einsum("mrj,mj->mr", self._by_label(labels, "C"), forces[:, self._core])
+        rows = rows + self._by_label(labels, sides)
         demands = self._demands(forces, labels)
         capacities, mu = (self._by_label(labels, name)[:, : demands.shape[1]] for name in (capacity, "mu"))
         room = capacities + mu * forces[:, :1] - demands
@@ -472,9 +471,8 @@ class RowYield:
         if self._simple_gauges:
             spin = np.where(self._by_label(labels, "k")[:, 1] > 0.0, abs(jumps[..., 5]), 0.0)
             return np.maximum(np.hypot(jumps[..., 1], jumps[..., 2]), spin), 0.0
-        slip = np.linalg.norm(
-            np.einsum("mij,...mj->...mi", self._by_label(labels, "inverse"), jumps[..., 1:3]), axis=-1
-        )
+        in_gauge = np.einsum("mij,...mj->...mi", self._by_label(labels, "inverse"), jumps[..., 1:3])
+        slip = np.linalg.norm(in_gauge, axis=-1)
         k, coupled = self._by_label(labels, "k")[:, 1], self._by_label(labels, "coupled")
         spin = abs(jumps[..., 5]) / np.where(k > 0.0, k, 1.0)
         # A coupled gauge is dual to the larger of slip and spin; two gauges add.

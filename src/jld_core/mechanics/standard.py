@@ -100,10 +100,8 @@ def bending_of(faces: Interfaces, point: Bools, inner_bending: InnerBending, cru
         edges = polygons.hull_rows(outline)
         dry[rows_of_face] = -edges[:, 1:] / edges[:, :1] * scale
         inner[rows_of_face] = -_kern(faces, face, outline)[:, 1:] * scale
-        dry_corners[rows_of_face], inner_corners[rows_of_face] = (
-            _between(dry[rows_of_face]),
-            _between(inner[rows_of_face]),
-        )
+        dry_corners[rows_of_face] = _between(dry[rows_of_face])
+        inner_corners[rows_of_face] = _between(inner[rows_of_face])
     crushing = np.flatnonzero(crushed & ~point)
     solids = [
         _rectangle_solid(inner_corners[start[f] : start[f + 1]])
@@ -199,10 +197,8 @@ def standard_rows(side: Side, bending: Bending | None, point: Bools, late: int, 
         is_cap, constants_of_caps = np.zeros((count, late), dtype=bool), np.zeros((count, late))
         is_cap[capped] = used[capped]
         constants_of_caps[capped] = used[capped] * (side.crush / scale)[capped, None]
-        C, d = (
-            np.concatenate([C, _lines(-1.0, cap_edges, is_cap, scale)], axis=1),
-            np.concatenate([d, constants_of_caps], axis=1),
-        )
+        C = np.concatenate([C, _lines(-1.0, cap_edges, is_cap, scale)], axis=1)
+        d = np.concatenate([d, constants_of_caps], axis=1)
         if capped.size:
             vertices = np.zeros((count, solids.shape[-2], 3))
             vertices[capped] = (side.crush + side.tension)[capped, None, None] * solids
@@ -298,11 +294,11 @@ class StandardYield(RowYield):
 
     def with_friction(self, share: float) -> StandardYield:
         """Return a copy with all friction coefficients multiplied by `share`, for proofs alone."""
-        return self._with_shear(lambda one: replace(one, mu=share * one.mu))
+        return self._with_shear(lambda rows: replace(rows, mu=share * rows.mu))
 
     def without_shear_limit(self) -> StandardYield:
         """Return a copy without any limit on shear, for proofs of bending alone."""
-        return self._with_shear(lambda one: replace(one, c=0.0 * one.c, mu=0.0 * one.mu))
+        return self._with_shear(lambda rows: replace(rows, c=0.0 * rows.c, mu=0.0 * rows.mu))
 
     def _with_shear(self, change: Callable[[LabelRows], LabelRows]) -> StandardYield:
         return replace(self, dry=change(self.dry), inner=change(self.inner))
@@ -366,9 +362,7 @@ def _sides(numbers: Strengths, point: Bools) -> tuple[Side, Side]:
     """Return the numbers of dry and of inner faces; points (m,) are dry under either label."""
     dry, inner = (numbers.side(dry=label) for label in (True, False))
     if point.any():
-        inner = Side(
-            *(np.where(point, getattr(dry, number.name), getattr(inner, number.name)) for number in fields(Side))
-        )
+        inner = Side(*(np.where(point, getattr(dry, f.name), getattr(inner, f.name)) for f in fields(Side)))
     return dry, inner
 
 
@@ -411,8 +405,6 @@ def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
         free = np.isinf(stress)
         return np.where(free, np.inf, np.nan_to_num(np.where(free, 0.0, stress)) * unit)
 
-    scaled_values = strengths.changed(scaled, np.nan_to_num)
-    uncrushable = {
-        name: np.where(unit > 0.0, value, np.inf) for name, value in scaled_values.stresses.items() if name in ENDS
-    }
-    return replace(scaled_values, **uncrushable)
+    result = strengths.changed(scaled, np.nan_to_num)
+    ends = {name: np.where(unit > 0.0, value, np.inf) for name, value in result.stresses.items() if name in ENDS}
+    return replace(result, **ends)

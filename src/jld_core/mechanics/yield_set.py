@@ -309,11 +309,8 @@ class Sheet:
     def cones(self, face: Ints, rows: list[Row], *, limits_shear: bool = False) -> None:
         """Add one second-order cone per face (k,); limits_shear: True if its first row begins with −μN."""
         for offset, (terms, sides) in enumerate(rows):
-            cone_rows, with_friction = (
-                self.rows + len(rows) * np.arange(len(face)) + offset,
-                limits_shear and offset == 0,
-            )
-            self.add(face, terms, sides, cone_rows, limits_shear=with_friction)
+            cone_rows = self.rows + len(rows) * np.arange(len(face)) + offset
+            self.add(face, terms, sides, cone_rows, limits_shear=limits_shear and offset == 0)
         self.rows += len(rows) * len(face)
         self._cones += len(face)
 
@@ -337,7 +334,5 @@ class Sheet:
             capacity=np.concatenate([np.zeros(0, dtype=np.int64), *self._capacity]),
             extra=self.extra,
         )
-        return of_labels, *(
-            replace(of_labels, dry=enclosing, h_dry=h_enclosing)
-            for enclosing, h_enclosing in zip(values[2:], h[2:], strict=True)
-        )
+        enclosing = zip(values[2:], h[2:], strict=True)
+        return of_labels, *(replace(of_labels, dry=dry, h_dry=h_dry) for dry, h_dry in enclosing)

@@ -182,9 +182,8 @@ class CaseAnalysis:
 
     def _analyses(self) -> Iterator[LimitAnalysis]:
         """Yield the analysis of each load case, in their order."""
-        yield from (
-            map(self._analysis, self.assembly.by_case) if self._analyses_of_cases is None else self._analyses_of_cases
-        )
+        analyses = self._analyses_of_cases
+        yield from map(self._analysis, self.assembly.by_case) if analyses is None else analyses
 
     def _analysis(self, case: Assembly) -> LimitAnalysis:
         """Create the analysis of one load case; raise InputError if the solver does not accept it."""

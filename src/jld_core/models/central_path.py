@@ -138,10 +138,8 @@ class MovingRows:
         matrices = [self.rows, *shifted]
         if not self.torsion.size:
             return np.zeros((3, 0))
-        coefficients = [
-            sp.csr_matrix(matrix)[self.torsion, columns]
-            for matrix, columns in zip(matrices, self._torsion_columns, strict=True)
-        ]
+        pairs = zip(matrices, self._torsion_columns, strict=True)
+        coefficients = [sp.csr_matrix(matrix)[self.torsion, columns] for matrix, columns in pairs]
         return np.stack([np.asarray(row).ravel() for row in coefficients])
 
     def _matrix(self, template: Template, labels: Bits, ratio: float, arm: tuple[float, float]) -> sp.csr_array:
@@ -360,6 +358,7 @@ class CentralPath:
         slopes: Floats,
     ) -> PathPoint | None:
         """Return the Newton step of a point towards path parameter `target`; None if singular."""
+        # slopes: derivatives of the parameters, see `MovingRows.parameters`
         rows, n, count = self.rows, self.rows.size, len(self.rows.rhs)
         dual, balance, primal = residuals
         parameters, _ = rows.parameters(point.y)

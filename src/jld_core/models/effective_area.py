@@ -241,9 +241,8 @@ def _notes(analysis: LimitAnalysis, labels: Bits, plain_proof: Proof, proof: Pro
     sentences = []
     irregular = int(np.count_nonzero(labels & ~analysis.assembly.interfaces.rectangle))
     if irregular:
-        sentences.append(
-            f"{irregular} of {int(labels.sum())} dry faces are no rectangles and keep their whole area in torsion"
-        )
+        count = int(labels.sum())
+        sentences.append(f"{irregular} of {count} dry faces are no rectangles and keep their whole area in torsion")
     with_whole, with_areas = plain_proof.load_factor, proof.load_factor
     if (
         math.isfinite(with_whole)

@@ -191,9 +191,8 @@ def prove_condensed(full: LimitAnalysis, labels: Bits, separate: Ints | None = N
             empty = not (joint_forces.any() or load)
             checked, blended = _checked_state(full, labels, rigid, forces, load, empty=empty)
             solves += blended
-            full_proof = Proof(
-                solve_log=solve_log, solves=solves, extra={"rigid_blocks": len(rigid.assembly.elements.free)}
-            )
+            extra = {"rigid_blocks": len(rigid.assembly.elements.free)}
+            full_proof = Proof(solve_log=solve_log, solves=solves, extra=extra)
             full_proof.offer_state(checked)
             full_proof.offer_motion(_of_elements(full, rigid, condensed, proof.motion))
             full_proof.status = full.status_of(full_proof)
@@ -405,10 +404,8 @@ def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, pro
     def state(of_points: State | None) -> State | None:
         if of_points is None:
             return None
-        forces = (
-            resultants_of_faces(full.assembly, points.assembly, parent, of_points.forces * pointwise.face) / whole.face
-        )
-        return replace(of_points, forces=forces, load=of_points.load * unit)
+        forces = resultants_of_faces(full.assembly, points.assembly, parent, of_points.forces * pointwise.face)
+        return replace(of_points, forces=forces / whole.face, load=of_points.load * unit)
 
     motion = proof.motion
     if motion is not None:

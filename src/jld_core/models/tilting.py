@@ -58,10 +58,8 @@ def tilt_bracket(assembly: Assembly, labels: Bits, model: Model, towards: Floats
         status, low, _ = _bound_at(assembly, labels, model, towards, angle)
         # locked: it stands a quarter turn further
         step = math.pi / 2.0 if status is Status.LOCKED else math.atan(max(low, 0.0)) if math.isfinite(low) else 0.0
-    fall_angles = (
-        angle + step_up for step_up in _INCREMENTS if _bound_at(assembly, labels, model, towards, angle + step_up)[2]
-    )
-    return math.degrees(angle), math.degrees(next(fall_angles, math.nan))
+    falls = (angle + step for step in _INCREMENTS if _bound_at(assembly, labels, model, towards, angle + step)[2])
+    return math.degrees(angle), math.degrees(next(falls, math.nan))
 
 
 def _degrees(load_factor: float) -> float:
@@ -76,9 +74,8 @@ def _bound_at(
     tilted_weight = np.linalg.norm(weight, axis=1)[:, None] * towards
     cos, sin = math.cos(angle), math.sin(angle)
     live = replace(assembly.live_loads, body=cos * tilted_weight - sin * weight)
-    dead: Loads = replace(
-        assembly.dead_loads, body=assembly.dead_loads.body + (cos - 1.0) * weight + sin * tilted_weight
-    )
+    body = assembly.dead_loads.body + (cos - 1.0) * weight + sin * tilted_weight
+    dead: Loads = replace(assembly.dead_loads, body=body)
     tilted = replace(assembly, dead_loads=dead, live_loads=live)
     analysis = limit_analysis(tilted, model, reference=labels, single_labelling=True)
     proof = solve_labelling(analysis, labels, model)

@@ -578,19 +578,19 @@ def _by_planes(assembly: Assembly, cell: tuple[float, ...]) -> Callable[[int], l
     refuse_more(math.prod(map(float, counts)))
     planes = [(np.eye(3)[axis], lower[axis] + sizes[axis] * np.arange(1, counts[axis])) for axis in range(3)]
 
-    def parts(k: int) -> list[tuple[Floats, Faces]]:
+    def cut_element(k: int) -> list[tuple[Floats, Faces]]:
         vertices, faces = elements.shape[k], elements.faces[k]
-        whole: list[tuple[Floats, Faces]] = [(vertices, faces)]
+        pieces: list[tuple[Floats, Faces]] = [(vertices, faces)]
         for normal, offsets in planes:
-            along = vertices @ normal
-            inside = offsets[(offsets > along.min()) & (offsets < along.max())]
-            if len(inside) and not convex(vertices, faces):
+            height = vertices @ normal
+            crossing = offsets[(offsets > height.min()) & (offsets < height.max())]
+            if len(crossing) and not convex(vertices, faces):
                 raise InputError(f"element {elements.ids[k]!r}", "it is not convex", "convex spatial elements")
-            for offset in inside.tolist():
-                whole = [half for part in whole for half in cut(*part, normal, offset)]
-        return whole
+            for offset in crossing.tolist():
+                pieces = [half for piece in pieces for half in cut(*piece, normal, offset)]
+        return pieces
 
-    return parts
+    return cut_element
 
 
 def _volume(vertices: Floats, faces: Faces) -> float:
@@ -696,9 +696,7 @@ def _at_means(scene: Scene) -> Scene:
         return scene
     means = with_means(scene.model_dump(mode="json", exclude_defaults=True, include=shared))
     at_means = parse_scene(scene.model_dump(mode="json", exclude_defaults=True) | means, scene.name)
-    return scene.model_copy(
-        update={"loads": at_means.loads, "members": at_means.members, "elements": at_means.elements}
-    )
+    return scene.model_copy(update={name: getattr(at_means, name) for name in shared})
 
 
 def cells_of(assembly: Assembly, cell: float) -> CrackCells:

@@ -47,11 +47,10 @@ def first_complaint(error: ValidationError, model: type[BaseModel], known: Itera
     if kind == "extra_forbidden":
         names = [*(known if owner is model else ()), *_fields_by_key(owner)]
         names = list(dict.fromkeys(names))
-        similar = get_close_matches(str(keys[-1]), names, 1)
-        text = ", ".join(names)
-        return InputError(
-            where, "unknown key", f'"{similar[0]}", or another of {text}' if similar else f"one of {text}"
-        )
+        near = get_close_matches(str(keys[-1]), names, 1)
+        all_names = ", ".join(names)
+        expected = f'"{near[0]}", or another of {all_names}' if near else f"one of {all_names}"
+        return InputError(where, "unknown key", expected)
     if kind == "missing":
         return InputError(where, "missing", meaning or "this key to be given")
     value = complaint.get("input")

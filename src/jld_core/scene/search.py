@@ -56,6 +56,7 @@ class Front(Part):
     @model_validator(mode="before")
     @classmethod
     def _first_of_counts(cls, document: Any) -> Any:
+        # the count is the first of "counts" where only these are given
         if isinstance(document, dict) and isinstance(document.get("counts"), list) and document["counts"]:
             return {"count": document["counts"][0], **document}
         return document

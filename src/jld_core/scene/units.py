@@ -220,9 +220,8 @@ def _convert(value: Any, units: _Names, where: str, powers: _Powers | None) -> A
             if key != "parameters"
         }
         if "parameters" in value:
-            converted["parameters"] = _of_criterion(
-                value["parameters"], value.get("criterion"), units, f"{where}.parameters"
-            )
+            parameters, criterion = value["parameters"], value.get("criterion")
+            converted["parameters"] = _of_criterion(parameters, criterion, units, f"{where}.parameters")
         return converted
     return value
 

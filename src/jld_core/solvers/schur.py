@@ -330,15 +330,15 @@ class Direction:
     tau: float
     kappa: float
 
-    def plus(self, first: float, second: float, more: Direction) -> Direction:
-        """Add multiples of another direction: `first` of its x, W⁻¹ds, τ and κ, `second` of its u and W dv."""
+    def plus(self, force_factor: float, motion_factor: float, other: Direction) -> Direction:
+        """Add multiples of another direction: the first of its x, W⁻¹ds, τ and κ, the second of its u and W dv."""
         return Direction(
-            self.x + first * more.x,
-            self.u + second * more.u,
-            self.ws + first * more.ws,
-            self.wv + second * more.wv,
-            self.tau + first * more.tau,
-            self.kappa + first * more.kappa,
+            self.x + force_factor * other.x,
+            self.u + motion_factor * other.u,
+            self.ws + force_factor * other.ws,
+            self.wv + motion_factor * other.wv,
+            self.tau + force_factor * other.tau,
+            self.kappa + force_factor * other.kappa,
         )
 
 
@@ -608,7 +608,7 @@ class _Iteration:
         return Iterate(x, u, s, v)
 
     def _status_of(self, it: Iterate) -> tuple[RawStatus | None, float]:
-        # The error is relative to the tolerances.
+        # The status that an iterate proves, None for none, and its error, relative to the tolerances.
         system, q, r, h = self.system, self.q, self.r, self.h
         gradient = system.transposed(it.u, it.v)
         residual_u, yield_slack = system.equations(it.x), system.yields(it.x) + it.s
