@@ -121,12 +121,13 @@ def _condense(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept
     )
     joints = replace(faces.take(kept), a=group[faces.a[kept]], b=group[faces.b[kept]])
     members, stress = assembly.members.joined(group, kept), assembly.members.self_stress
+    stated = assembly.dead if stress is None else assembly.dead - stress  # blocks add their self-stress again
     return replace(
         assembly,
         elements=blocks,
         interfaces=joints,
         face_strengths=assembly.face_strengths.take(kept),
-        dead_loads=Loads.of_resultants(of_blocks(assembly.dead)),
+        dead_loads=Loads.of_resultants(of_blocks(stated)),
         live_loads=Loads.of_resultants(of_blocks(assembly.live)),
         labels=labels[kept],
         touching=(),
