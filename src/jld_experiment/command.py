@@ -54,7 +54,7 @@ def experiment(
     first crack. The exit code is 4 if the two pushes do not agree.
     """
     from jld_experiment import Joints, Settings, run_experiment
-    from jld_experiment.experiments import status_of, summary
+    from jld_experiment.experiments import summary
 
     if out is not None:
         files.require_folder(out)
@@ -79,7 +79,7 @@ def experiment(
         facts |= _without_dilation(assembly, labels) if curve.stands else {}
         _write(curve, limit, facts, out)
     streams.say(json.dumps(facts, indent=1) if as_json else _words(facts))
-    if status_of(curve) == "uncertified":
+    if facts["status"] == "uncertified":
         raise typer.Exit(ending.UNCERTIFIED)
 
 

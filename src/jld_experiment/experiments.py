@@ -107,7 +107,7 @@ def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[st
         "labelling": name,
         "load_factor": load_factor,
         "experiment": curve.collapse_load if curve.stands else 0.0,
-        "status": status_of(curve),
+        "status": status_of(curve, load_factor),
         "stands": curve.stands,
         "rate_error": curve.rate_error,
         "first_crack": curve.first_crack,
@@ -244,11 +244,11 @@ def with_experiments(exploration: Exploration, experiments: Experiments, objecti
 PUSHED, FASTER, LIMIT = "#1B1B1B", "#D55E00", "#0072B2"
 
 
-def status_of(curve: Curve) -> str:
-    """Return the status of an experiment: collapse, uncertified, locked, falls or creeps."""
+def status_of(curve: Curve, load_factor: float) -> str:
+    """Return collapse, uncertified, locked, falls or creeps; load_factor: λ, NaN where limit analysis finds no end."""
     if not curve.stands:
         return str(curve.standing)
-    if curve.rising:
+    if curve.rising and not np.isfinite(load_factor):  # a push beyond a proven λ says nothing
         return "locked"
     return "collapse" if curve.rates_agree else "uncertified"
 
@@ -260,7 +260,7 @@ def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
     joints, settings = curve.joints, curve.settings
     return {
         "name": curve.assembly.name,
-        "status": status_of(curve),
+        "status": status_of(curve, load_factor),
         "collapse_load": number(load),
         "load_factor": number(load_factor),
         "ratio": number(load / load_factor if load_factor > 0.0 else np.nan),
@@ -374,5 +374,6 @@ def figure_of(
         ax.set_title(title, fontsize=10)
     joints = curve.joints
     dilation = "dilation = friction" if joints.dilation == "friction" else f"dilation {joints.dilation:g}"
-    figure.suptitle(f"{curve.assembly.name}: {status_of(curve)} · {joints.inner} inner faces, {dilation}", fontsize=11)
+    status = status_of(curve, result.load_factor)
+    figure.suptitle(f"{curve.assembly.name}: {status} · {joints.inner} inner faces, {dilation}", fontsize=11)
     return figure

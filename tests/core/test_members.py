@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from cases import dry_and_inner, solved
+from cases import dry_and_inner, grid_document, solved
 from command import refused
 from jld_core import Assembly, InputError, LimitAnalysis, LimitAnalysisResult, build_assembly, parse_scene, solve
 from jld_core import assembly as assembly_of_core
@@ -331,6 +331,16 @@ def test_prestress_acts_in_every_load_case_and_low_values_count() -> None:
     assert result.cases["left"].load_factor == pytest.approx(0.5 / 1.5, rel=1e-8)  # P stands at the edge
     robust = solve(build_robust(parse_scene(block([tie]))))
     assert robust.load_factor == pytest.approx((0.5 + 0.2) / 1.5, rel=1e-8)
+
+
+@pytest.mark.parametrize("prestress", [50.0, 100.0])
+def test_rigid_blocks_bear_the_prestress_once(prestress: float) -> None:
+    """Blocks of strong cells are solved as rigid ones: they fell under twice the prestress, proven."""
+    document = grid_document(["aa", "bb", "##"], tension=1e9, shear=1e9)
+    ends = {"from": {"element": "c0r0", "at": [0.05, 0.25]}, "to": {"element": "c1r1", "at": [0.15, 0.15]}}
+    document["members"] = [{"kind": "tendon", **ends, "prestress": prestress}]
+    found = [solved(document, condense=condense).load_factor for condense in ("auto", "on", "off")]
+    assert found == pytest.approx([found[2]] * 3, rel=1e-6)
 
 
 def test_members_have_no_label() -> None:

@@ -116,12 +116,13 @@ def _condense(assembly: Assembly, labels: Bits, group: Ints, support: Bits, join
     )
     joints = replace(faces.take(joint_faces), a=group[faces.a[joint_faces]], b=group[faces.b[joint_faces]])
     members, self_stress = assembly.members.joined(group, joint_faces), assembly.members.self_stress
+    stated = assembly.dead if self_stress is None else assembly.dead - self_stress  # blocks add their self-stress again
     return replace(
         assembly,
         elements=blocks,
         interfaces=joints,
         face_strengths=assembly.face_strengths.take(joint_faces),
-        dead_loads=Loads.of_resultants(of_blocks(assembly.dead)),
+        dead_loads=Loads.of_resultants(of_blocks(stated)),
         live_loads=Loads.of_resultants(of_blocks(assembly.live)),
         labels=labels[joint_faces],
         touching=(),
