@@ -263,9 +263,9 @@ def test_a_locked_structure_has_no_collapse_load() -> None:
     assert curve.rising
     assert np.isnan(curve.collapse_load)
     assert not curve.rates_agree
-    assert summary(curve, np.nan)["status"] == "locked"
+    assert experiments.summary(curve, np.nan)["status"] == "locked"
     # a push of a structure with a proven λ that never ends says nothing
-    assert summary(curve, 42.5)["status"] == "uncertified"
+    assert experiments.summary(curve, 42.5)["status"] == "uncertified"
 
 
 def test_a_layout_that_collapses_late_is_not_locked() -> None:

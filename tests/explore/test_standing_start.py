@@ -25,7 +25,7 @@ def space_of(document: dict[str, Any]) -> SearchSpace:
 
 def bonds(space: SearchSpace, labellings: Any) -> tuple[Any, Any]:
     start = DRIVERS["portfolio"](space, 0).standing_start
-    assert start._made() is not None
+    assert start._make_driver() is not None
     return start._bonds(labellings)
 
 
