@@ -66,11 +66,9 @@ def _stiffness(side: float) -> tuple[Floats, Floats]:
 def compressed(
     solid: Any, supports: Floats, forces: list[tuple[Floats, Floats]], weight: Floats, count: int = VOXELS
 ) -> tuple[Floats, Floats, Floats]:
-    """Return where the solid is compressed most.
-
-    supports: (h, 3) points that are held. forces: (3,) vectors with places. weight: (3,) of the whole solid.
-    Returns middles (k, 3), magnitudes (k,) and directions (k, 3) of the largest compression.
-    """
+    """Return where the solid is compressed most."""
+    # supports: (h, 3) points that are held. forces: (3,) vectors with places. weight: (3,) of the whole solid. Returns
+    # middles (k, 3), magnitudes (k,) and directions (k, 3) of the largest compression.
     cubes, side, origin = voxels_of(solid, count)
     grid = cubes[:, None] + _CORNERS
     flat = (grid * np.array([1, 10**4, 10**8])).sum(axis=2)

@@ -270,10 +270,9 @@ class SearchGoal:
 
 
 class Bounds:
-    """Bounds on λ of layouts by the parts of the first n elements; without crushing unless `crush`.
+    """Bounds on λ of layouts by the parts of the first n elements; without crushing unless `crush`."""
 
-    few: that there will be few of them, so that the mean solution of samples is no start worth its time.
-    """
+    # few: that there will be few of them, so that the mean solution of samples is no start worth its time.
 
     def __init__(self, document: dict[str, Any], *, crush: bool = False, few: bool = False) -> None:
         kinds = {k: dict(v) if isinstance(v, dict) else v for k, v in document["materials"].items()}

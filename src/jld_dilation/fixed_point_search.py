@@ -380,10 +380,9 @@ _CLOSING: Final = 0.9  # factor by which Σ yz must decrease in each round
 
 
 class AlternatingPrograms:
-    """Linear programs of one planar labelling: mechanisms for forces, forces for mechanisms (4.6).
+    """Linear programs of one planar labelling: mechanisms for forces, forces for mechanisms (4.6)."""
 
-    A point (3m + 1,) holds scaled forces and λ. most: λ above which solutions are ignored. Nothing is certified yet.
-    """
+    # A point (3m + 1,) holds scaled forces and λ. most: λ above which solutions are ignored. Nothing is certified yet.
 
     def __init__(self, modes: Modes, most: float) -> None:
         # statics: equilibrium of forces and λ, forms of yield rows ≥ 0; motions: rates of rows ≥ 0, live power 1

@@ -179,11 +179,10 @@ def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
 
 @dataclass(frozen=True)
 class LinearModes:
-    """Complementarity problem of one labelling with linear rows in plane or space (4.6), scaled, no crushing.
+    """Complementarity problem of one labelling with linear rows in plane or space (4.6), scaled, no crushing."""
 
-    Wanted are forces F, λ and velocities w = (u, t): A F + b + λ b_λ = 0, y = C F + d ≥ 0, b_λ·u = 1, z = H w ≥ 0, y_k
-    z_k = 0.
-    """
+    # Wanted are forces F, λ and velocities w = (u, t): A F + b + λ b_λ = 0, y = C F + d ≥ 0, b_λ·u = 1, z = H w ≥ 0,
+    # y_k z_k = 0.
 
     matrix: Floats  # (equations, q) A
     dead: Floats  # (equations,) b
@@ -216,10 +215,9 @@ class LinearModes:
 
 @dataclass(frozen=True)
 class Modes(LinearModes):
-    """Complementarity problem of a planar labelling: mode 4f + j of face f.
+    """Complementarity problem of a planar labelling: mode 4f + j of face f."""
 
-    j = 0, 1: hinges βδ ∓ θ; j = 2, 3: slides t and t + s. A is (3n, 3m), C (4m, 3m), H (4m, 3n + m).
-    """
+    # j = 0, 1: hinges βδ ∓ θ; j = 2, 3: slides t and t + s. A is (3n, 3m), C (4m, 3m), H (4m, 3n + m).
 
     assembly: Assembly
 

@@ -29,12 +29,11 @@ Point = tuple[Floats, Floats]
 
 @dataclass(frozen=True)
 class ProductSpace:
-    """Linear map from (Z, T) to the products y_k z_l of yield slacks and mode rates.
+    """Linear map from (Z, T) to the products y_k z_l of yield slacks and mode rates."""
 
-    X (p, w) holds products of (F, λ, 1) with w velocities, each column a state in equilibrium with coefficients Z (k,
-    w) in a basis. T (f, 4) holds the products of a lone face's slip t with its N, V, m and 1; its modes 4f + 2, 4f + 3
-    are t and t + s.
-    """
+    # X (p, w) holds products of (F, λ, 1) with w velocities, each column a state in equilibrium with coefficients Z (k,
+    # w) in a basis. T (f, 4) holds the products of a lone face's slip t with its N, V, m and 1; its modes 4f + 2, 4f +
+    # 3 are t and t + s.
 
     facts: Floats  # (r, p) linear forms of Φ: the yield slacks y, then others, the last of them 1
     rates: Floats  # (forms, w) linear forms of the velocities: the mode rates z, then the sums around loops
@@ -96,11 +95,10 @@ class ProductSpace:
 
 
 class LocalProductSpace:
-    """Sets of elements whose forces are multiplied with each velocity of a region.
+    """Sets of elements whose forces are multiplied with each velocity of a region."""
 
-    Velocities tied by closed modes share a set. distance: faces up to which forces count; None: all. basis: (3n + m, w)
-    of free velocities, in `forms` (4m + 2e, w); groups: (w,) element of each.
-    """
+    # Velocities tied by closed modes share a set. distance: faces up to which forces count; None: all. basis: (3n + m,
+    # w) of free velocities, in `forms` (4m + 2e, w); groups: (w,) element of each.
 
     def __init__(self, modes: Modes, closed: Bools, distance: int | None) -> None:
         self.modes, self.closed = modes, closed

@@ -25,11 +25,10 @@ _VIOLATED: Final = 1e-7  # size of a negative product from which its row is adde
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Multipliers of products of forms in an RLT program, from which `Certifier` derives a bound.
+    """Multipliers of products of forms in an RLT program, from which `Certifier` derives a bound."""
 
-    Forms of forces: 4m slacks y, λ − L, U − λ, 1. Of velocities: 4m rates z, 2e sums around loops. Held modes have y_k
-    = 0.
-    """
+    # Forms of forces: 4m slacks y, λ − L, U − λ, 1. Of velocities: 4m rates z, 2e sums around loops. Held modes have
+    # y_k = 0.
 
     products: Floats  # (4m + 3, 4m + 2e) multipliers of the products; ≥ 0 except for y_k z_k and the rows of held modes
     live_work: Floats  # (4m + 2,) multipliers of the forms of forces, without 1, times b_λ·u; ≥ 0 except for held modes

@@ -359,10 +359,9 @@ class Found:
 
 
 class MultiStartSearch:
-    """Multi-start search for the lowest and highest solution; `found` collects certified ones.
+    """Multi-start search for the lowest and highest solution; `found` collects certified ones."""
 
-    A point (q·m + 1,) holds scaled forces and λ. In space, methods that use linear programs do nothing.
-    """
+    # A point (q·m + 1,) holds scaled forces and λ. In space, methods that use linear programs do nothing.
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, options: ProximalOptions, associative: Proof) -> None:
         self.fixed_point = FixedPointSearch(analysis, labels, options)

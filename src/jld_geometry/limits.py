@@ -293,10 +293,8 @@ def require_spatial(assembly: Assembly, labels: Bits, move: scene_move.Move) -> 
 def spatial_residual_rates(
     assembly: Assembly, mesh: SpatialMesh, forces: Floats, load_factor: float, mechanism: Floats | None, used: Bools
 ) -> sp.csr_array:
-    """Return the derivatives (6·free, 3v) of the equilibrium residual by the used (v,) vertices.
-
-    forces: (m, 6). mechanism: (n, 6), by which corner forces are chosen that are not unique; None for any choice.
-    """
+    """Return the derivatives (6·free, 3v) of the equilibrium residual by the used (v,) vertices."""
+    # forces: (m, 6). mechanism: (n, 6), by which corner forces are chosen that are not unique; None for any choice.
     # Corner forces, shear and torque over the torsion length of every face are held. Rows are forces and moments about
     # the present centroids, column 3·vertex + axis, all in scene units, as `residual_rates` in the plane.
     elements = assembly.elements

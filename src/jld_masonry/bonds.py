@@ -193,11 +193,10 @@ Interval = tuple[float, float]  # two positions along a wall
 
 @dataclass(frozen=True)
 class Lintel:
-    """How openings are spanned: by one long stone, or a flat arch of `stones` wedges between two skewbacks.
+    """How openings are spanned: by one long stone, or a flat arch of `stones` wedges between two skewbacks."""
 
-    bearing: least length beyond either jamb. None: half a stretcher, or less where the wall beside the jamb is shorter,
-    but at least a quarter of a stretcher.
-    """
+    # bearing: least length beyond either jamb. None: half a stretcher, or less where the wall beside the jamb is
+    # shorter, but at least a quarter of a stretcher.
 
     stones: int = 1
     bearing: float | None = None

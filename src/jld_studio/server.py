@@ -196,10 +196,9 @@ HEADERS: Final = {  # security headers of every response
 
 
 class Guard:
-    """ASGI middleware that admits only requests with the right host, origin and token, of at most `LARGEST` bytes.
+    """ASGI middleware that admits only requests with the right host, origin and token, of at most `LARGEST` bytes."""
 
-    POST requests need JSON, and an `Origin` of these hosts or none. token: first part of every path.
-    """
+    # POST requests need JSON, and an `Origin` of these hosts or none. token: first part of every path.
 
     def __init__(self, app: ASGIApp, token: str, hosts: tuple[str, ...]) -> None:
         self.app, self.token, self.hosts = app, token, hosts

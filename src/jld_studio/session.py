@@ -54,11 +54,10 @@ STEPS: Final = 6  # number of steps of an improvement that are tried
 
 
 class JointVertices:
-    """Vertices, as in `vertex_mesh`, of one planar scene's faces that the page may move.
+    """Vertices, as in `vertex_mesh`, of one planar scene's faces that the page may move."""
 
-    Ends of a face that belong to no support move inside freely, and along an outline or circle that the key "move"
-    names.
-    """
+    # Ends of a face that belong to no support move inside freely, and along an outline or circle that the key "move"
+    # names.
 
     def __init__(self, scene: Scene, assembly: Assembly) -> None:
         self._assembly, self._move = assembly, scene.move

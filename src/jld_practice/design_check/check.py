@@ -243,10 +243,8 @@ def why_not_anywhere(scene: Scene, assembly: Assembly) -> str:
 
 
 def assess_all(count: int, seconds: float, assess: Assess, least: Callable[[int], float]) -> None:
-    """Assess load cases until each is settled, one is refuted, or the time is over.
-
-    assess: whether a case verifies, None if undecided, for a gap and a time, s. least: sort key for refinement.
-    """
+    """Assess load cases until each is settled, one is refuted, or the time is over."""
+    # assess: whether a case verifies, None if undecided, for a gap and a time, s. least: sort key for refinement.
     end = time.perf_counter() + seconds
     verdicts: dict[int, bool | None] = {}
     for case in range(count):

@@ -520,10 +520,8 @@ class Freedom:
         self._apart: dict[bytes, bool] = {}
 
     def way_out(self, block: int, there: Bools) -> Floats | None:
-        """Return the unit direction nearest to upward in which a block can leave those in `there`, or None.
-
-        there: (k,) mask of the blocks present. The direction is (d,), or (3,) for out of the plane.
-        """
+        """Return the unit direction nearest to upward in which a block can leave those in `there`, or None."""
+        # there: (k,) mask of the blocks present. The direction is (d,), or (3,) for out of the plane.
         checkpoint()
         if self.sideways:
             return np.array(_SIDEWAYS)

@@ -176,10 +176,8 @@ class Parts:
         return _Part(np.where(props > _NONE * weight, props, 0.0), error * relative, weight, along)
 
     def _props(self, standing: Ints) -> tuple[Floats, Ints, Ints]:
-        """Return unit prop forces (q·k, props), and element and place (props,) of each.
-
-        standing: (k,) laid elements among the free ones. A place is the number of a station, −1 elsewhere.
-        """
+        """Return unit prop forces (q·k, props), and element and place (props,) of each."""
+        # standing: (k,) laid elements among the free ones. A place is the number of a station, −1 elsewhere.
         assembly, template = self.assembly, self.template
         elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
         total = elements.weight[elements.free].sum(axis=0)
