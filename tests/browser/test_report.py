@@ -356,7 +356,7 @@ def arch() -> NotebookPage:
 def saved(page: NotebookPage, path: Path, live: bool = False) -> Path:
     """A notebook with one output, as a file."""
     bridge = joined.asset("bridge.js").replace("export default", "const bridge =")
-    model = MODEL % (bridge, json.dumps(page._name)) if live else ""
+    model = MODEL % (bridge, json.dumps(page._identifier)) if live else ""
     path.write_text(f"<!doctype html><meta charset=utf-8><body data-ready>{page.html}{model}", encoding="utf-8")
     return path
 
