@@ -539,16 +539,17 @@ class _Block:
         self._store(entries, row)
 
     def _add_joint(self, joint: int, of_x: Floats) -> None:
-        # The columns are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column
-        # of x, whose entries are `of_x`.
+        # Forces of a block are those at full strength times x, its share in the cover of the elements. With N' = N +
+        # σtA x the strengths are a cone from N' = 0: its rays, and the corners ±(τA − μ σtA) of V, whose coefficients
+        # sum to x by `_bending_row`. The force −σtA x is added to the column of x, `of_x`.
         inner, face = self._inner, int(self._parts.joint_face[joint])
-        per_bending, mu = 1.0 / inner.bending, float(inner.friction[face])
-        strength = float(inner.shear[face] - mu * inner.tension[face])
+        moment_per_push, mu = 1.0 / inner.bending, float(inner.friction[face])
+        shear = float(inner.shear[face] - mu * inner.tension[face])
         for slip in (1.0, -1.0) if mu > 0.0 else (0.0,):
-            for moment in (per_bending, -per_bending):
+            for moment in (moment_per_push, -moment_per_push):
                 self._store(self._joint_force(joint, np.array([1.0, slip * mu, moment])))
         for sign in (1.0, -1.0):
-            self._store(self._joint_force(joint, np.array([0.0, sign * strength, 0.0])), self._bending_row[joint])
+            self._store(self._joint_force(joint, np.array([0.0, sign * shear, 0.0])), self._bending_row[joint])
         for row, value in self._joint_force(joint, np.array([-float(inner.tension[face]), 0.0, 0.0])):
             of_x[row] += value
 
