@@ -745,8 +745,9 @@ class Checker:
         return free and all(len(values) == numbers for values in moves.values())
 
     def _of_blocks(self, reason: BlockMechanism) -> list[int] | None:
-        # The left side of (6.6) is concave in λ: positive at the ceiling and not negative at the bound, it is positive
-        # for all λ between them. Blocks without velocities stand still.
+        # The clause that mechanisms of possible blocks prove, or None. The left side of (6.6), `excess`, is concave in
+        # λ: positive at the ceiling and not negative at the bound, it is positive for all λ between them. Blocks
+        # without velocities stand still.
         assembly, decided = self.labellings.assembly, self._decided(reason)
         q, walls = assembly.freedoms, reason.walls
         if decided is None or not self._fits_elements(reason.prices, 2) or any(len(w) != q for w in walls.values()):
