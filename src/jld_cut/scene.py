@@ -179,7 +179,7 @@ class Matter:
         crushing = {} if self.compressive is None else {"compressive_strength": self.compressive}
         return {
             "density": self.density,
-            "dry": {"friction_angle": self.friction_angle},  # those that crush must be rectangles
+            "dry": {"friction_angle": self.friction_angle},  # only rectangles may crush, and cuts have any outline
             "inner": {
                 "tensile_strength": self.tensile,
                 "shear_strength": self.shear,

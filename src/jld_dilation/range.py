@@ -80,28 +80,34 @@ class LowerBoundSearch:
         """Compute the lower bound: by frozen friction, then RLT relaxations, then branches."""
         # The search ends where the bound meets the lowest solution found, or at the time limit. Without a proof the
         # bound is 0.
-        modes, problem, none = self.modes, self.problem, np.zeros(len(self.modes.rows), dtype=bool)
-        force_bounds, velocity_bounds = self._bounded.force_bounds, self._bounded.velocity_bounds
-        if velocity_bounds is None:
+        modes, problem, force_bounds = self.modes, self.problem, self._bounded.force_bounds
+        certifies = self._bounded.velocity_bounds is not None
+        if not certifies:
             problem.record("no certificate: velocities are not bounded")
         normals = np.arange(0, modes.matrix.shape[1], 3)
         low = frozen_friction_bound(self.analysis, self.labels, modes, normals, force_bounds, problem)
-        bounds = _Bounds(low, low)
-        if problem.allows_products(modes.faces, FACES, force_bounds):
-            if velocity_bounds is not None and modes.faces >= _BLOCKS and not problem.closes_gap(low):
-                # Programs by matrix blocks count only if proven; walls usually end here.
-                steps = BlockSweep(self._bounded, problem)
-                # Around openings, products with hinges alone prove nothing.
-                stage = len(steps.stages) - 1 if has_opening(modes.assembly) else 0
-                if modes.faces <= _AT_ONCE and stage == 0:
-                    low = max(low, steps.near_hinge_bound(low))
-                if modes.faces > FACES:
-                    low = steps.partial_bound(low, stage)
-                low = steps.sweep(low, none, none, stage)
-            bounds = self._sweep(_Bounds(low, low), none, none, modes.near_pairs, 0)
+        if not problem.allows_products(modes.faces, FACES, force_bounds):
+            return problem.result(low, low)
+        # Programs by matrix blocks count only if proven; walls usually end here.
+        if certifies and modes.faces >= _BLOCKS and not problem.closes_gap(low):
+            low = self._bound_by_matrix_blocks(low)
+        none = np.zeros(len(modes.rows), dtype=bool)  # the region of all solutions: no mode is closed or held
+        bounds = self._sweep(_Bounds(low, low), none, none, modes.near_pairs, 0)
         return problem.result(bounds.proven, bounds.believed)
 
     # --- pieces -------------------------------------------------------------------------------------------
+
+    def _bound_by_matrix_blocks(self, low: float) -> float:
+        """Raise the proven bound `low` by programs by matrix blocks, over all solutions."""
+        modes, steps = self.modes, BlockSweep(self._bounded, self.problem)
+        # Around openings, products with hinges alone prove nothing: begin with the last stage.
+        stage = len(steps.stages) - 1 if has_opening(modes.assembly) else 0
+        if modes.faces <= _AT_ONCE and stage == 0:
+            low = max(low, steps.near_hinge_bound(low))
+        if modes.faces > FACES:
+            low = steps.partial_bound(low, stage)
+        none = np.zeros(len(modes.rows), dtype=bool)
+        return steps.sweep(low, none, none, stage)
 
     def _sweep(self, bounds: _Bounds, closed: Bools, held: Bools, pairs: Bools, depth: int) -> _Bounds:
         """Solve relaxations of one region, each from the last bound; branch where they stall."""

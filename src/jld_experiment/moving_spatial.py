@@ -209,13 +209,16 @@ def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
 
 
 def corner_springs(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, typical: float) -> Floats:
-    """Return the constants of corner contacts, `Plane.spring` (6,), as medians over the faces."""
-    size = float(np.median(np.bincount(points.face, weights=points.place[:, -1]) / np.bincount(points.face)))
+    """Return `Plane.spring` (6,) of corner contacts, by medians over the faces; typical: size of an element."""
+    # a corner has the area of the mean sub-contact of a face
+    total, count = np.bincount(points.face, weights=points.place[:, -1]), np.bincount(points.face)
+    area = float(np.median(total / count))
     coefficients = assembly.strengths(_ROUTE).friction
     coefficients = coefficients[np.isfinite(coefficients)]
     friction = float(np.median(coefficients)) if coefficients.size else 0.0
-    lengths = (CLEARANCE * typical, _NEAR * typical, 0.0)
-    return np.array([float(np.median(kn)) * size, float(np.median(ks)) * size, friction, *lengths])
+    stiffness = (float(np.median(kn)) * area, float(np.median(ks)) * area)
+    # the last one is the largest elastic overlap so far
+    return np.array([*stiffness, friction, CLEARANCE * typical, _NEAR * typical, 0.0])
 
 
 def near_corners(assembly: Assembly, corner: Ints, points: Floats, typical: float) -> Ints:

@@ -94,7 +94,9 @@ class FaceRates:
 
 
 def face_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats) -> FaceRates:
-    """Compute the derivatives by the vertices of forces (m, 3) of interfaces on free elements."""
+    """Compute the derivatives by vertices of what N, V and M (m, 3) of planar interfaces exert on free elements."""
+    # A face from p to q with e = q − p of length l, t = e/l and n = (t_y, −t_x) exerts F = N n + V t at (p + q)/2 and
+    # M on b, and the opposite on a. dt = n (n·de)/l, dn = −t (n·de)/l, and dM = M (t·de)/l, as M/l is held.
     # Moments are taken about the present centroids, which are held constant.
     faces, elements = assembly.interfaces, assembly.elements
     start, end = mesh.places[mesh.ends[:, 0]], mesh.places[mesh.ends[:, 1]]
@@ -104,7 +106,7 @@ def face_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats) -> FaceRate
     normal = np.column_stack([along[:, 1], -along[:, 0]])
     push, shear, moment = forces[:, :1], forces[:, 1:2], forces[:, 2:]
     force = push * normal + shear * along
-    turned = np.einsum("fi,fj->fij", (shear * normal - push * along) / length, normal)
+    force_by_edge = np.einsum("fi,fj->fij", (shear * normal - push * along) / length, normal)
     row_of = np.full(len(elements), -1, dtype=np.int64)
     row_of[elements.free] = np.arange(len(elements.free))
     columns = _columns(mesh.ends)
@@ -112,12 +114,12 @@ def face_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats) -> FaceRate
     for element, sign in ((faces.a, -1.0), (faces.b, 1.0)):
         free = np.flatnonzero(row_of[element] >= 0)
         arm = 0.5 * (start + end)[free] - elements.centroid[element[free]]
-        stretch = (moment / length * along)[free]
-        swing = np.einsum("fi,fij->fj", np.column_stack([-arm[:, 1], arm[:, 0]]), turned[free]) + stretch
-        shift = 0.5 * np.column_stack([force[free, 1], -force[free, 0]])
+        lever, own_moment = np.column_stack([-arm[:, 1], arm[:, 0]]), (moment / length * along)[free]
+        moment_by_edge = np.einsum("fi,fij->fj", lever, force_by_edge[free]) + own_moment
+        moment_by_place = 0.5 * np.column_stack([force[free, 1], -force[free, 0]])  # by p and by q, F and e held
         block = np.empty((len(free), 3, 4))
-        block[:, :2, :2], block[:, :2, 2:] = -turned[free], turned[free]
-        block[:, 2, :2], block[:, 2, 2:] = shift - swing, shift + swing
+        block[:, :2, :2], block[:, :2, 2:] = -force_by_edge[free], force_by_edge[free]
+        block[:, 2, :2], block[:, 2, 2:] = moment_by_place - moment_by_edge, moment_by_place + moment_by_edge
         first = 3 * row_of[element[free]][:, None, None] + np.arange(3)[:, None]
         rows.append(np.broadcast_to(first, block.shape).ravel())
         cols.append(np.broadcast_to(columns[free][:, None, :], block.shape).ravel())

@@ -27,11 +27,12 @@ Sizes = tuple[float, float]  # least and largest thickness
 class Middles:
     """Points of each element, those halfway through the thickness, and what the thickness is."""
 
+    # points, middle: (k, d) corners of each element, and where each corner is at thickness 0
     points: list[Floats]
     middle: list[Floats]
-    thickness: tuple[float, float]
-    across: str
-    near: float
+    thickness: tuple[float, float]  # least and largest
+    across: str  # of what it is the thickness
+    near: float  # length below which points coincide
 
     def scaled(self, element: int, points: Floats, scale: float) -> Floats:
         """Return where points on the outline of an element are when the thickness is scaled."""
@@ -323,7 +324,7 @@ def _corners(line: Floats) -> list[int]:
 
 
 def _middles_of_prisms(assembly: Assembly, near: float) -> Middles:
-    """Prisms along one direction: a wall, vault or beam that has one outline all along."""
+    """Return the middles of prisms along one direction: a wall, vault or beam with one outline all along."""
     elements, faces = assembly.elements, assembly.interfaces
     free, support = elements.free.tolist(), elements.support
     corners = np.concatenate([elements.shape[k] for k in free])
@@ -377,7 +378,7 @@ def _end(assembly: Assembly, element: int, direction: Floats, near: float) -> tu
 
 
 def _by_blocks(assembly: Assembly, near: float) -> Middles:
-    """Blocks of a shell, each scaled to the middle of two free faces opposite each other."""
+    """Return the middles of the blocks of a shell, halfway between two opposite free faces of each."""
     elements = assembly.elements
     middle = [points.copy() for points in elements.shape]
     for k in elements.free.tolist():
@@ -386,7 +387,8 @@ def _by_blocks(assembly: Assembly, near: float) -> Middles:
         middle[k] = _middle_surface(elements.shape[k], outline, joints, near, f"element {elements.ids[k]!r}")
     depths = np.concatenate([2.0 * np.linalg.norm(elements.shape[k] - middle[k], axis=1) for k in elements.free])
     depths = depths[depths > near]
-    return Middles(list(elements.shape), middle, (float(depths.min()), float(depths.max())), "blocks", near)
+    thickness = (float(depths.min()), float(depths.max()))
+    return Middles(list(elements.shape), middle, thickness, "blocks", near)
 
 
 def _middle_surface(points: Floats, faces: list[list[int]], joints: list[Floats], near: float, where: str) -> Floats:

@@ -78,6 +78,7 @@ def stock_of(
     stones: list[Stone], size: tuple[float, float, float], kerf: float = 0.0, said: tuple[float, str] = (1.0, "")
 ) -> Stock:
     """Place the smallest cuboids of stones in stock cuboids by guillotine cuts."""
+    # `said`: factor and unit of lengths in messages.
     # Each cut passes through a whole piece. Stones are placed from the largest to the smallest, in the free piece that
     # they fill best, turned about the axes as they fit (guillotine cuts; the least leftover side decides).
     if not all(0.0 < side < math.inf for side in size):

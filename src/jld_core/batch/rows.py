@@ -311,18 +311,19 @@ def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | No
 
 
 def rows_of_samples(sets: YieldSet, labels: Bits, dimension: int) -> BatchRows | None:
-    """Compute the rows of many samples of strengths under labels (k, m); None if unsupported."""
-    of_labels = rows_of_sets(sets, labels.size, dimension)
-    if of_labels is None:
+    """Compute the rows of k samples of strengths under labels (k, m); None if unsupported."""
+    # `sets` holds the m faces of each sample in turn; first the rows of these k·m faces under both labels
+    both = rows_of_sets(sets, labels.size, dimension)
+    if both is None:
         return None
     label, face = labels.astype(np.int64).ravel(), np.arange(labels.size)
 
-    def of_samples(array: Floats) -> Floats:
+    def select(array: Floats) -> Floats:
+        """Select from (2, k·m, ...) the label of each face: (k, m, ...)."""
         return np.ascontiguousarray(array[label, face].reshape(*labels.shape, *array.shape[2:]))
 
-    parabolas = None if of_labels.parabolas is None else of_samples(of_labels.parabolas)
-    rows, keep = of_samples(of_labels.rows), of_samples(of_labels.keep)
-    return BatchRows(rows, of_labels.pairs, keep, parabolas, of_labels.interacts)
+    parabolas = None if both.parabolas is None else select(both.parabolas)
+    return BatchRows(select(both.rows), both.pairs, select(both.keep), parabolas, both.interacts)
 
 
 @lru_cache(maxsize=2)

@@ -461,6 +461,7 @@ def _distances_from_segments(point: Floats, start: Floats, end: Floats) -> Float
 
 
 def _distance_from_triangle(triangle: Floats) -> float:
+    """Return the distance of the origin from a triangle (3, 3)."""
     from_edges = float(_distances_from_segments(np.zeros(3), triangle, np.roll(triangle, -1, axis=0)).min())
     normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
     size = float(np.linalg.norm(normal))

@@ -287,7 +287,7 @@ class AllBlocksProgram:
         """Append the equations: cover, shares, equal forces (shared faces, q), balance (parts, q)."""
         self.cover, self.share = rows.append_unowned(parts.elements), rows.append_unowned(parts.elements)
         self.equal_forces = rows.append_unowned(q * parts.shared).reshape(-1, q)
-        self.balance = rows.of(np.repeat(parts.part_block, q)).reshape(-1, q)
+        self.balance = rows.append(np.repeat(parts.part_block, q)).reshape(-1, q)
         self._equalities = len(rows)
 
     def _add_loads(self, parts: BlockParts, block_load: Ints, load: Ints) -> None:
@@ -328,20 +328,20 @@ class BlockProgram(AllBlocksProgram):
         blocks = np.arange(parts.blocks)
         of_cohesive, of_joint = parts.side_block[self.cohesive], parts.joint_block
         columns, rows = OwnedIndices(), OwnedIndices()
-        self.x = columns.of(blocks)
-        rays = columns.of(np.repeat(parts.side_block, 4)).reshape(-1, 4)
-        resultants = columns.of(np.repeat(of_joint, 3)).reshape(-1, 3)
-        shears = columns.of(of_cohesive)
-        block_load = columns.of(blocks)
+        self.x = columns.append(blocks)
+        rays = columns.append(np.repeat(parts.side_block, 4)).reshape(-1, 4)
+        resultants = columns.append(np.repeat(of_joint, 3)).reshape(-1, 3)
+        shears = columns.append(of_cohesive)
+        block_load = columns.append(blocks)
         load = columns.append_unowned(1)
         self._begin_rows(rows, parts, Q)
-        shear = rows.of(np.repeat(of_joint, 2)).reshape(-1, 2)
-        cohesive_shear = rows.of(np.repeat(of_cohesive, 2)).reshape(-1, 2)
-        upper, lower = rows.of(blocks), rows.of(blocks)
+        shear = rows.append(np.repeat(of_joint, 2)).reshape(-1, 2)
+        cohesive_shear = rows.append(np.repeat(of_cohesive, 2)).reshape(-1, 2)
+        upper, lower = rows.append(blocks), rows.append(blocks)
         if caps is not None:
             self._add_caps(dry, inner, caps, rays, resultants, rows)
         positive = np.concatenate([self.x, rays.ravel(), resultants[:, :2].ravel(), block_load])
-        above_zero = rows.of(columns.owner[positive])
+        above_zero = rows.append(columns.owner[positive])
 
         self._add_loads(parts, block_load, load)
         self._add_side_forces(dry, rays, shears)
@@ -365,7 +365,7 @@ class BlockProgram(AllBlocksProgram):
             (parts.joint_face, parts.joint_block, resultants[:, :2], np.ones(len(caps)), inner.tension),
         ):
             capped = np.flatnonzero(np.isfinite(caps[face]))
-            row, cap = rows.of(block[capped]), np.maximum(caps + offset, _LEAST_CAP)[face[capped]]
+            row, cap = rows.append(block[capped]), np.maximum(caps + offset, _LEAST_CAP)[face[capped]]
             for column in columns[capped].T:
                 add(row, column, 1.0 / (normal_scale[face[capped]] * cap))
             add(row, block[capped], -1.0)
@@ -421,7 +421,7 @@ class OwnedIndices:
     def __len__(self) -> int:
         return len(self.owner)
 
-    def of(self, blocks: Ints) -> Ints:
+    def append(self, blocks: Ints) -> Ints:
         """Append one row or column for each of the blocks (c,) and return their indices (c,)."""
         first = len(self)
         self.owner = np.concatenate([self.owner, blocks])
@@ -429,7 +429,7 @@ class OwnedIndices:
 
     def append_unowned(self, count: int) -> Ints:
         """Append `count` rows or columns of no block, and return their indices (count,)."""
-        return self.of(np.full(count, -1))
+        return self.append(np.full(count, -1))
 
 
 class SparseEntries:
@@ -539,16 +539,17 @@ class _Block:
         self._store(entries, row)
 
     def _add_joint(self, joint: int, of_x: Floats) -> None:
-        # The columns are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column
-        # of x, whose entries are `of_x`.
+        # Forces of a block are those at full strength times x, its share in the cover of the elements. With N' = N +
+        # σtA x the strengths are a cone from N' = 0: its rays, and the corners ±(τA − μ σtA) of V, whose coefficients
+        # sum to x by `_bending_row`. The force −σtA x is added to the column of x, `of_x`.
         inner, face = self._inner, int(self._parts.joint_face[joint])
-        per_bending, mu = 1.0 / inner.bending, float(inner.friction[face])
-        strength = float(inner.shear[face] - mu * inner.tension[face])
+        moment_per_push, mu = 1.0 / inner.bending, float(inner.friction[face])
+        shear = float(inner.shear[face] - mu * inner.tension[face])
         for slip in (1.0, -1.0) if mu > 0.0 else (0.0,):
-            for moment in (per_bending, -per_bending):
+            for moment in (moment_per_push, -moment_per_push):
                 self._store(self._joint_force(joint, np.array([1.0, slip * mu, moment])))
         for sign in (1.0, -1.0):
-            self._store(self._joint_force(joint, np.array([0.0, sign * strength, 0.0])), self._bending_row[joint])
+            self._store(self._joint_force(joint, np.array([0.0, sign * shear, 0.0])), self._bending_row[joint])
         for row, value in self._joint_force(joint, np.array([-float(inner.tension[face]), 0.0, 0.0])):
             of_x[row] += value
 
@@ -600,16 +601,17 @@ class ConeProgram(AllBlocksProgram):
         all_dry = np.ones(count, dtype=bool)
         blocks = np.arange(parts.blocks)
         columns, rows = OwnedIndices(), OwnedIndices()
-        self.x = columns.of(blocks)
+        self.x = columns.append(blocks)
         self._face_columns = _group_by_face(pattern.face, pattern.column, count, q)
         sides = self._copies(columns, parts.side_face, parts.side_block, template.yield_set.active(all_dry))
         joints = self._copies(columns, parts.joint_face, parts.joint_block, template.yield_set.active(~all_dry))
-        block_load = columns.of(blocks)
+        block_load = columns.append(blocks)
         load = columns.append_unowned(1)
         self._begin_rows(rows, parts, q)
         self._add_loads(parts, block_load, load)
         self._add_forces(sides, joints)
-        upper, lower, above_zero = rows.of(blocks), rows.of(blocks), rows.of(np.concatenate([blocks, blocks]))
+        upper, lower = rows.append(blocks), rows.append(blocks)
+        above_zero = rows.append(np.concatenate([blocks, blocks]))
         self._bound_loads(upper, lower, block_load)
         self._entries.add(above_zero, np.concatenate([self.x, block_load]), -1.0)
         for linear in (True, False):
@@ -639,7 +641,7 @@ class ConeProgram(AllBlocksProgram):
         """Create the columns of copies of faces (k,) for blocks (k,): active (m, q) resultants, extra variables."""
         q = self._template.assembly.freedoms
         width = np.array([len(column) for column in self._face_columns], dtype=np.int64)[face]
-        indices = columns.of(np.repeat(block, width))
+        indices = columns.append(np.repeat(block, width))
         begin = indices[0] + np.cumsum(width) - width if len(indices) else np.zeros(len(face), dtype=np.int64)
         # The resultants come first among the columns of a face.
         return _Copies(face, block, begin[:, None] + np.arange(q), active[face])
@@ -665,7 +667,7 @@ class ConeProgram(AllBlocksProgram):
         in_use = chosen[pattern.row] & (values != 0.0)
         entries = _group_by_face(pattern.face[in_use], np.flatnonzero(in_use), count)
         height = np.array([len(members) for members in face_rows], dtype=np.int64)[copies.face]
-        indices = rows.of(np.repeat(copies.block, height))
+        indices = rows.append(np.repeat(copies.block, height))
         begin = (indices[0] if len(indices) else 0) + np.cumsum(height) - height
         column_rank = np.array([rank_of_column[int(column)] for column in pattern.column], dtype=np.int64)
         for face in np.unique(copies.face).tolist():

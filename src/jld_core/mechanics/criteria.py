@@ -452,14 +452,15 @@ def _maps_onto_image(sets: LabelRows, image_of: Ints, core: Floats, shear: Float
 
 
 def stated_rows(assembly: Assembly) -> dict[tuple[int, bool], FaceRows]:
-    """Return what criteria state of a face, by face and label (True = dry), for those who compute with it apart."""
+    """Return the rows that criteria state, not yet scaled, by face and label (True = dry)."""
     numbers, bending = assembly.strengths(ROUTE_OF_ROWS), None
     if assembly.dimension == 3:
         no_points = np.zeros(len(assembly.interfaces), dtype=bool)
         bending = bending_of(assembly.interfaces, no_points, "uncoupled", np.isfinite(numbers.side(dry=False).crush))
     stated = {}
     for dry in (True, False):
-        for faces, rows in _rows(assembly, numbers, bending, dry)[1:]:
+        _, *groups = _rows(assembly, numbers, bending, dry)  # without the standard rows
+        for faces, rows in groups:
             for position, face in enumerate(faces.tolist()):
                 gauges = tuple(_gauge_of(gauge, np.arange(len(faces)) == position) for gauge in rows.gauges)
                 stated[face, dry] = FaceRows(rows.C[position], rows.d[position], gauges)

@@ -150,10 +150,10 @@ def _prove_locked(analysis: LimitAnalysis, labels: Bits, plain_proof: Proof) -> 
 
 
 def _proof_of_iteration(
-    analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
+    analysis: LimitAnalysis, labels: Bits, forces: Floats, max_solves: int, weight: float
 ) -> tuple[Proof, dict[str, Any]]:
     """Prove the load factor by the proximal iteration on forces and effective areas."""
-    state, proof, changes, solves = _iterate(analysis, labels, forces, most, weight)
+    state, proof, changes, solves = _iterate(analysis, labels, forces, max_solves, weight)
     change = float(changes.max(initial=0.0))
     settled = state.admissible and change <= tolerances.FIXED_POINT
     facts: dict[str, Any] = {"fixed_point": change}
@@ -161,7 +161,7 @@ def _proof_of_iteration(
         proof.state = state
         width = relative_width(proof.low, proof.high, analysis.load_scale)
         if proof.status is Status.COLLAPSE and width > analysis.gap:
-            facts["above"] = width
+            facts["above"] = width  # the bracket is wider than asked for
     elif change > tolerances.FIXED_POINT:
         facts["face"] = analysis.assembly.pair(int(changes.argmax()))
     if proof.status is Status.COLLAPSE and (not settled or "above" in facts):
@@ -258,7 +258,7 @@ def _notes(analysis: LimitAnalysis, labels: Bits, plain_proof: Proof, proof: Pro
 
 
 def _iterate(
-    analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
+    analysis: LimitAnalysis, labels: Bits, forces: Floats, max_solves: int, weight: float
 ) -> tuple[State, Proof, Floats, int]:
     """Iterate from scaled forces (m, q) until areas belong to forces: state, proof, changes (m,), programs."""
     # `_STEPS` free steps come first, then steps that keep the forces near those before.
@@ -278,13 +278,13 @@ def _iterate(
         forces = state.forces.ravel()
         slack = slack_to_request(under_own, margin, steps)
         settled = under_own.admissible and (changes.max(initial=0.0) <= tolerances.FIXED_POINT or steps > _STEPS)
-        if settled or solves >= most:
+        if settled or solves >= max_solves:
             proof = analysis.with_template(prover.template, labels).prove(labels)
             solves += proof.solves
             if not settled:
                 return under_own, proof, changes, solves
             remaining_changes = _changes(areas, areas_under(analysis.assembly, under_own.forces, labels))
             low, high = under_own.load, proof.bracket[1]
-            if solves >= most or not high - low > analysis.gap * max(abs(high), abs(low)):
+            if solves >= max_solves or not high - low > analysis.gap * max(abs(high), abs(low)):
                 return under_own, proof, remaining_changes, solves
             steps = 0

@@ -155,20 +155,21 @@ def _marks(entries: Sequence[LoadEntry], elements: Elements, kind: str = "dead")
 
 def _of_face(entry: FaceLoad, elements: Elements) -> list[tuple[Tag, int, Floats, Any]]:
     """Return kind, element, points with pressures, and vector of each part of a load on faces."""
-    first, last = entry.ends
+    first, last = entry.ends  # pressures
     spread: Tag = _spread(entry.pressure)
     if isinstance(entry.pressure, list) and any(isinstance(pressure, Uncertain) for pressure in entry.pressure):
         raise Unknown("distributions of linear pressures are not compared")
     vector = entry.line or entry.traction or np.empty((0, elements.centroid.shape[1]))
     if entry.face.between is not None:
-        k = elements.index[entry.face.between[0]]
+        k = elements.index[entry.face.between[0]]  # the other one is "outside"
         return [(("between", *spread), k, np.array([[*elements.centroid[k], first, last]]), vector)]
     points = np.array(entry.face.along or entry.face.patch, dtype=float)
     if entry.face.patch is not None:
         return [(("patch", *spread), -1, np.column_stack([points, np.full(len(points), first)]), vector)]
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-    items = np.column_stack([points, first + (last - first) * length / length[-1]])
-    return [(("along", *spread), -1, items[k : k + 2], vector) for k in range(len(points) - 1)]
+    loaded = np.column_stack([points, first + (last - first) * length / length[-1]])
+    # segment by segment, as a symmetry may reverse the points of "along"
+    return [(("along", *spread), -1, loaded[k : k + 2], vector) for k in range(len(points) - 1)]
 
 
 def _spread(value: Any) -> Tag:

@@ -710,21 +710,22 @@ class Checker:
 
     def _of_mechanism(self, reason: Mechanism) -> list[int] | None:
         """Return the clause that a mechanism proves, or None if its balance exceeds the bound."""
-        balance = self._weighed(reason)
+        balance = self._balance_of(reason)
         return _labels(reason) if balance is not None and balance.proves(self._bounds[reason.case]) else None
 
     def lowers_ceiling(self, reason: Mechanism) -> bool:
         """Take the λ that a mechanism proves of all labellings, for the blocks to come; return whether it does."""
-        balance = None if reason.dry or reason.inner else self._weighed(reason)
+        balance = None if reason.dry or reason.inner else self._balance_of(reason)
         if balance is None or balance.spent is None or balance.work <= 0:
             return False
         ceiling, load_factor = self.ceilings[reason.case], balance.spent / balance.work
         self.ceilings[reason.case] = load_factor if ceiling is None else min(ceiling, load_factor)
         return True
 
-    def _weighed(self, reason: Mechanism) -> Balance | None:
+    def _balance_of(self, reason: Mechanism) -> Balance | None:
+        """Return the balance of power of a mechanism; None if its labels, case or velocities are not of the scene."""
         decided = self._decided(reason)
-        if decided is None or not self._move(reason.moves, self.balances[reason.case].assembly.freedoms):
+        if decided is None or not self._fits_elements(reason.moves, self.balances[reason.case].assembly.freedoms):
             return None
         return self.balances[reason.case].weigh(reason.moves, reason.digits, decided)
 
@@ -737,18 +738,19 @@ class Checker:
             decided[face] = dry
         return decided if 0 <= reason.case < len(self.balances) else None
 
-    def _move(self, moves: Mapping[int, Sequence[int]], numbers: int) -> bool:
+    def _fits_elements(self, moves: Mapping[int, Sequence[int]], numbers: int) -> bool:
         """Return whether all keys are free elements, with so many numbers each."""
         elements = self.labellings.assembly.elements
         free = all(0 <= element < len(elements) and not elements.support[element] for element in moves)
         return free and all(len(values) == numbers for values in moves.values())
 
     def _of_blocks(self, reason: BlockMechanism) -> list[int] | None:
-        # The left side of (6.6) is concave in λ: positive at the ceiling and not negative at the bound, it is positive
-        # for all λ between them. Blocks without velocities stand still.
+        # The clause that mechanisms of possible blocks prove, or None. The left side of (6.6), `excess`, is concave in
+        # λ: positive at the ceiling and not negative at the bound, it is positive for all λ between them. Blocks
+        # without velocities stand still.
         assembly, decided = self.labellings.assembly, self._decided(reason)
         q, walls = assembly.freedoms, reason.walls
-        if decided is None or not self._move(reason.prices, 2) or any(len(w) != q for w in walls.values()):
+        if decided is None or not self._fits_elements(reason.prices, 2) or any(len(w) != q for w in walls.values()):
             return None
         bound, ceiling = self._bounds[reason.case], self.ceilings[reason.case]
         free = self.labellings.between_free

@@ -101,9 +101,9 @@ def _search_seconds(assembly: Assembly) -> float:
     """Return the least time of a search, s: its tables, and bounds by fields on two meshes."""
     if assembly.dimension == 3 or why_no_fields(assembly):
         return _TABLES
-    corners = sum(len(assembly.elements.shape[element]) - 2 for element in assembly.elements.free)
+    triangles = sum(len(assembly.elements.shape[element]) - 2 for element in assembly.elements.free)
     return _TABLES + _MESHES * len(assembly.by_case) * field_evaluator.mesh_seconds(
-        field_evaluator.COARSE_RATE, _TRIANGLES * corners
+        field_evaluator.COARSE_RATE, _TRIANGLES * triangles
     )
 
 

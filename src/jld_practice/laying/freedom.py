@@ -75,17 +75,20 @@ class Solids:
         # equivalent: a convex element at rest moves the opposite way, past the surface of one that is not
         if self.convex[still] and not self.convex[moving]:
             moving, still, direction = still, moving, -direction
+        # p, q: (k, 4) outward normals and offsets of the planes of the moving element and of that at rest, with the
+        # triangles `faces` (t, 3, 3)
         p, (faces, normals) = self.planes[moving], self._skin(still)
         # one that meets a solid takes in some of its surface, by more than two elements overlap that only touch
         depth = 2.0 * SHARED ** (2.0 / 3.0) * float(min(self.size[moving], self.size[still]))
         if self.convex[still]:
             q = self.planes[still]
-            behind = (self.elements.shape[moving] @ q[:, :3].T).min(axis=0) + q[:, 3]
-            if np.any((behind >= -depth) & (q[:, :3] @ direction >= -1e-9)):
+            outside = (self.elements.shape[moving] @ q[:, :3].T).min(axis=0) + q[:, 3]
+            if np.any((outside >= -depth) & (q[:, :3] @ direction >= -1e-9)):
                 return False
+        # clear triangles: beyond a plane of the moving element that does not advance, or not approached from one side
         rates = normals @ direction
-        ahead = (faces @ p[:, :3].T).min(axis=1) + p[:, 3]
-        clear = ((ahead >= -depth) & (p[:, :3] @ direction <= 1e-9)).any(axis=1)
+        beyond = (faces @ p[:, :3].T).min(axis=1) + p[:, 3]
+        clear = ((beyond >= -depth) & (p[:, :3] @ direction <= 1e-9)).any(axis=1)
         height = self.elements.shape[moving] @ normals.T - np.einsum("ij,ij->i", normals, faces[:, 0])
         clear |= (height.min(axis=0) >= -depth) & (rates >= -1e-9)
         clear |= (height.max(axis=0) <= depth) & (rates <= 1e-9)
@@ -98,10 +101,11 @@ class Solids:
         planes = self._paths[key]
         faces = faces[~clear]
         # most are settled at once: a corner or the middle within, or all corners beyond one plane
-        spots = np.concatenate([faces, faces.mean(axis=1, keepdims=True)], axis=1) @ planes[:, :3].T + planes[:, 3]
-        if (spots <= 0.0).all(axis=2).any():
+        points = np.concatenate([faces, faces.mean(axis=1, keepdims=True)], axis=1)
+        distance = points @ planes[:, :3].T + planes[:, 3]
+        if (distance <= 0.0).all(axis=2).any():
             return True
-        return any(_meets(planes, face, 1e-3 * depth) for face in faces[~(spots.min(axis=1) > 0.0).any(axis=1)])
+        return any(_meets(planes, face, 1e-3 * depth) for face in faces[~(distance.min(axis=1) > 0.0).any(axis=1)])
 
     def _skin(self, element: int) -> tuple[Floats, Floats]:
         # triangles and their unit normals

@@ -150,11 +150,10 @@ class _ConflictCheck:
         labels, undecided = self._partial([conflict])
         mechanism = self._relaxation.least_bound(labels[0], undecided[0])
         if mechanism is not None:
-            weighed = self._relaxation.evaluate_mechanisms(mechanism.case, mechanism.velocity[None], labels, undecided)[
-                0
-            ]
-            if weighed < bound:
-                bound = max(float(weighed), conflict.bound)
+            velocities = mechanism.velocity[None]
+            (proven,) = self._relaxation.evaluate_mechanisms(mechanism.case, velocities, labels, undecided)
+            if proven < bound:
+                bound = max(float(proven), conflict.bound)
                 conflict = replace(conflict, mechanism=Mechanism(mechanism.case, mechanism.velocity))
         self.corrected[conflict.key] = replace(conflict, bound=bound)
 
@@ -168,11 +167,12 @@ class _ConflictCheck:
             if time.perf_counter() >= end:
                 break
             claimed = np.array([conflict.bound for conflict in part])
-            tolerance = tolerances.PROVEN * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
-            thresholds = np.where(np.isfinite(claimed), claimed, 0.0) + tolerance
+            # −inf claims that no λ ≥ 0 is left, so that such a conflict is refuted at 0
+            claimed_load = np.where(np.isfinite(claimed), claimed, 0.0)
+            thresholds = claimed_load + tolerances.PROVEN * np.maximum(1.0, abs(claimed_load))
             refutations = self._relaxation.refute_all(*self._partial(part), thresholds)
-            for k, conflict in enumerate(refutations):
-                if conflict is None:
+            for k, refutation in enumerate(refutations):
+                if refutation is None:
                     problem = f"a conflict on record that was to keep λ at {claimed[k]:.9g} is not refuted (scaled)"
                     self._correct(part[k], math.inf, problem)
             self.done += len(part)
@@ -421,10 +421,10 @@ class Incumbents:
         # Labellings that collapse have both bounds. A failed or uncertified one keeps its upper bound, inf without one.
         # All others have −inf for both, since no λ of theirs counts. With zero dilation the upper bound is at least the
         # associative λ.
-        number = [0] * len(labellings)
+        counts = [0] * len(labellings)
         if self._count is not None:
-            number = values_of(self._count, self._space.assembly, labellings, self._space.graph).tolist()
-        for labels, evaluation, count in zip(labellings, evaluations, number, strict=True):
+            counts = values_of(self._count, self._space.assembly, labellings, self._space.graph).tolist()
+        for labels, evaluation, count in zip(labellings, evaluations, counts, strict=True):
             low = evaluation.low if evaluation.status is Status.COLLAPSE else -math.inf
             high = evaluation.high if evaluation.status is Status.COLLAPSE else -math.inf
             if evaluation.status in (Status.UNCERTIFIED, Status.FAILED):
@@ -433,8 +433,8 @@ class Incumbents:
                 # other solutions without dilation may exist; the associative λ bounds all of them
                 high = max(high, evaluation.associative * (1.0 + tolerances.PROVEN))
             self._bounds[np.packbits(labels).tobytes()] = (low, high, count)
-            for target in (None, count):
-                self._best[target] = max(low, self._best.get(target, -math.inf))
+            for key in (None, count):
+                self._best[key] = max(low, self._best.get(key, -math.inf))
 
     def __bool__(self) -> bool:
         """Return whether any labelling was evaluated."""
