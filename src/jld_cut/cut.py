@@ -418,14 +418,27 @@ def _make_layout(
     end: float,
     plain: Chosen | None = None,
 ) -> Chosen:
-    """Return a layout with its order and parts; with keys in the joints of a plain one if that is given."""
+    """Return a layout with its parts, their order and its brackets; `plain` is the same without keys."""
+    # coarse: λ on the cells of the family. end: time of the clock until which an order is sought, with a least time.
     parts = parts_of(family.cutting.cells, block, family.joints, wish.setting.matter.density, clearance)
     rotations = frames(family.normals)
     large = [part.number for part in parts if not lay(part, wish.limits.fit, rotations)]
     laying = family.fine.order(block, max(_LAYING, end - time.time()))
     locking = family.fine.locking(block, max(_LAYING, end - time.time())) if laying is False else []
     uncut = plain.uncut if plain else family.fine.solve(np.zeros(len(family.cutting.cells), dtype=np.int64))
-    return Chosen(family, family.fine, coarse, bracket, uncut, block, laying, locking, parts, large, (), plain)
+    return Chosen(
+        family=family,
+        fine=family.fine,
+        coarse=coarse,
+        bracket=bracket,
+        uncut=uncut,
+        block=block,
+        laying=laying,
+        locking=locking,
+        parts=parts,
+        too_large=large,
+        plain=plain,
+    )
 
 
 def _with_keys(chosen: Chosen, wish: Wish, scale: float, clearance: float, clock: Clock) -> Chosen:

@@ -134,7 +134,8 @@ def _split_at(points: Floats, triangles: Ints, tolerance: float) -> Ints:
         a, b, c = waiting.pop()
         for p, q, r in ((a, b, c), (b, c, a), (c, a, b)):
             if between := points_on.get((min(p, q), max(p, q)), []):
-                # parts of an edge hold the points between them; a third corner among them: it encloses nothing
+                # Both halves of the edge keep the points on them. A half triangle whose third corner is the middle
+                # encloses nothing.
                 chain = [min(p, q), *between, max(p, q)]
                 middle = len(chain) // 2
                 for part in (chain[: middle + 1], chain[middle:]):

@@ -382,58 +382,74 @@ class Statics:
 def bound_velocities(statics: Statics) -> Floats | None:
     """Bound velocities |u| and slides t of any mechanism per unit of its cost, (3n + m,)."""
     # Cost as in docs/method.md (4.8): openings and rotations, plus capacity times slip. Openings bound every motion but
-    # the loose ones, which open nothing. A group of faces that slide alike in loose motions bounds one of them: its
-    # capacities together are at least `least`, so that slip ≤ cost (1 + spread) / least. `spread` is what openings add
-    # to the differences of slips in the group, `drift` what rounding does.
+    # the loose ones, which open nothing: these are bounded by the slips of some faces. Openings with these slips
+    # determine the velocities, so that the inverse of both bounds them. None where no bound is proven.
+    if not np.isfinite(statics.force_bounds).all():
+        return None  # self-stress is unbounded
     modes, faces = statics.modes, statics.modes.faces
     width = len(modes.dead)
     jumps = modes.matrix.T.reshape(faces, 3, width)
     openings = np.concatenate([jumps[:, 0], jumps[:, 2]])
-    _, values, basis = np.linalg.svd(openings)
-    rank = int((values > 1e-9 * values.max(initial=0.0)).sum())
-    loose = basis[rank:].T
-    inverse = np.linalg.pinv(openings, rcond=1e-10)
-    rows, shares = [openings], [np.full(2 * faces, 1.0)]
-    sizes, drift = statics.force_bounds, 0.0
-    if not np.isfinite(sizes).all():
-        return None  # self-stress is unbounded
-    capacity = abs(modes.capacities) @ sizes
-    chosen_rows = np.zeros((0, loose.shape[1]))
-    # faces by the size of their slip in motions without opening, largest first
-    for face in np.argsort(-np.linalg.norm(jumps[:, 1] @ loose, axis=1), kind="stable").tolist():
-        if len(chosen_rows) == loose.shape[1]:
-            break
-        slip = jumps[face, 1] @ loose
-        if np.linalg.matrix_rank(np.vstack([chosen_rows, slip]), tol=1e-9) == len(chosen_rows):
-            continue
-        others = jumps[:, 1] @ loose
-        sign = np.where(others @ slip >= 0.0, 1.0, -1.0)
-        together = np.abs(others - sign[:, None] * slip).max(axis=1) <= 1e-9
-        least = statics.least(modes.capacities[together].sum(axis=0))
-        if not least > 1e-6:
-            continue
-        difference = jumps[together, 1] - sign[together, None] * jumps[face, 1]
-        by_openings = difference @ inverse
-        drift = max(
-            drift, float(capacity[together].sum() * abs(difference - by_openings @ openings).sum(axis=1).max() / least)
-        )
-        spread = float(capacity[together].sum() * abs(by_openings).max(initial=0.0))
-        chosen_rows = np.vstack([chosen_rows, slip])
-        rows.append(jumps[face, 1][None])
-        shares.append(np.array([(1.0 + spread) / least]))
-    if len(chosen_rows) < loose.shape[1]:
-        return None  # some loose motion costs nothing
-    stacked, per_cost = np.vstack(rows), np.concatenate(shares)
-    back = np.linalg.pinv(stacked, rcond=1e-12)
-    if abs(back @ stacked - np.eye(width)).sum(axis=1).max() > 1e-6:
+    bounded = _bounded_slips(statics, jumps, openings)
+    if bounded is None:
+        return None
+    stacked = np.vstack([openings, jumps[bounded.faces, 1]])
+    inverse = np.linalg.pinv(stacked, rcond=1e-12)
+    if abs(inverse @ stacked - np.eye(width)).sum(axis=1).max() > 1e-6:
         return None  # rounding has spoiled the inverse
     # The openings and rotations of all faces together cost at most one. The factor 2 covers rounding, which the test
     # below keeps small.
-    velocity = 2.0 * (abs(back[:, : 2 * faces]).max(axis=1) + abs(back[:, 2 * faces :]) @ per_cost[2 * faces :])
-    if drift * float(velocity.max(initial=0.0)) > 1e-3:
+    by_openings, by_slips = abs(inverse[:, : 2 * faces]).max(axis=1), abs(inverse[:, 2 * faces :])
+    velocity = 2.0 * (by_openings + by_slips @ bounded.per_cost)
+    if bounded.drift * float(velocity.max(initial=0.0)) > 1e-3:
         return None
     slips = abs(jumps[:, 1]) @ velocity
     return np.asarray(np.concatenate([velocity, slips]))
+
+
+@dataclass(frozen=True)
+class _BoundedSlips:
+    faces: list[int]  # whose slips determine the loose motions
+    per_cost: Floats  # largest slip of each of them for a cost of 1
+    drift: float  # what rounding adds to the cost, for a velocity of 1
+
+
+def _bounded_slips(statics: Statics, jumps: Floats, openings: Floats) -> _BoundedSlips | None:
+    """Bound independent slips of loose motions by jumps (m, 3, 3n) and openings (2m, 3n); None if one costs nothing."""
+    # A group of faces that slide alike in loose motions bounds one of them: its capacities together are at least
+    # `least`, so that slip ≤ cost (1 + spread) / least. `spread` is what openings add to the differences of slips in
+    # the group, `drift` what rounding does.
+    _, values, basis = np.linalg.svd(openings)
+    loose = basis[int((values > 1e-9 * values.max(initial=0.0)).sum()) :].T
+    inverse = np.linalg.pinv(openings, rcond=1e-10)
+    capacities = statics.modes.capacities
+    largest_capacity = abs(capacities) @ statics.force_bounds
+    slips = jumps[:, 1] @ loose
+    chosen: list[int] = []
+    chosen_slips: list[Floats] = []
+    per_cost, drift = [], 0.0
+    # faces by the size of their slip in loose motions, largest first
+    for face in np.argsort(-np.linalg.norm(slips, axis=1), kind="stable").tolist():
+        if len(chosen) == loose.shape[1]:
+            break
+        slip = jumps[face, 1] @ loose
+        if np.linalg.matrix_rank(np.vstack([*chosen_slips, slip]), tol=1e-9) == len(chosen):
+            continue
+        sign = np.where(slips @ slip >= 0.0, 1.0, -1.0)
+        group = np.abs(slips - sign[:, None] * slip).max(axis=1) <= 1e-9
+        least = statics.least(capacities[group].sum(axis=0))
+        if not least > 1e-6:
+            continue
+        group_capacity = largest_capacity[group].sum()
+        difference = jumps[group, 1] - sign[group, None] * jumps[face, 1]
+        by_openings = difference @ inverse
+        rounding = abs(difference - by_openings @ openings).sum(axis=1).max()
+        drift = max(drift, float(group_capacity * rounding / least))
+        spread = float(group_capacity * abs(by_openings).max(initial=0.0))
+        chosen.append(face)
+        chosen_slips.append(slip)
+        per_cost.append((1.0 + spread) / least)
+    return _BoundedSlips(chosen, np.array(per_cost), drift) if len(chosen) == loose.shape[1] else None
 
 
 @dataclass(frozen=True)

@@ -329,7 +329,7 @@ class _Reader:
         return len(self._solids) > before
 
     def _loop(self, path: Any) -> list[Any]:
-        """Return the closed rings of a hatch boundary, (k, 3) rows x, y, bulge; None for one that is none."""
+        """Return the rings of a hatch boundary, (k, 3) rows x, y, bulge; None in the place of an open one."""
         # The bulge is the tangent of a quarter of the angle of the arc to the next point.
         if hasattr(path, "vertices"):
             ring = np.array([(v[0], v[1], v[2] if len(v) > 2 else 0.0) for v in path.vertices], dtype=float)
@@ -344,8 +344,8 @@ class _Reader:
                 sweep = np.mod(np.radians(edge.end_angle) - first, 2.0 * np.pi) or 2.0 * np.pi
                 pieces.append(arc_points(tuple(edge.center)[:2], edge.radius, first, sweep))
             else:
-                fine = self._chords(edge.construction_tool(), 16)
-                pieces.append(np.column_stack([fine, np.zeros(len(fine))]))
+                points = self._chords(edge.construction_tool(), 16)
+                pieces.append(np.column_stack([points, np.zeros(len(points))]))
         return _rings(pieces)
 
     def _point(self, entity: Any, layer: str) -> bool:

@@ -413,7 +413,9 @@ def _select(content: Solids, options: ImportOptions, notes: Notes) -> Solids:
 def _with_supports(
     parts: list[Part], options: ImportOptions, notes: Notes, *, feet: bool
 ) -> tuple[list[Part], list[bool]]:
-    """Return solids with True for each support; supports are added where none, or only lowest ones, are there."""
+    """Return solids with True for each support; feet are added where a file names no support."""
+    # Without `feet` only where all solids would be supports, since each reaches the lowest point: they stand on
+    # something.
     supports = _supports(parts, options)
     if (feet and not options.support and not any(supports)) or (all(supports) and LOWEST in options.support):
         added = _feet(parts, 0.0 if options.tolerance is None else options.tolerance)

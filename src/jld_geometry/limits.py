@@ -305,16 +305,17 @@ def spatial_residual_rates(
         if used[vertices].any() and forces[face].any():
             _add_joint_rates(total, assembly, face, mesh.places[vertices], vertices, forces[face], mechanism, row_of)
     loads = assembly.dead_loads + load_factor * assembly.live_loads
-    growing, riding = shape_loads(loads, elements)
+    body_loads, centroid_loads = shape_loads(loads, elements)
     for element in elements.free.tolist():
         corner = mesh.corners[element]
         if not used[corner].any():
             continue
         volume, by_volume, by_moment = volume_rates(assembly, element)
         first, columns = 6 * int(row_of[element]), _columns(corner)
-        force = np.outer(growing[element], by_volume.ravel()) / volume
+        # A body load F changes by F dV / V. A load at the centroid moves with it, and has the moment shift × F then.
+        force = np.outer(body_loads[element], by_volume.ravel()) / volume
         shift = by_moment.transpose(1, 0, 2).reshape(3, -1) / volume
-        moment = np.cross(shift.T, riding[element]).T
+        moment = np.cross(shift.T, centroid_loads[element]).T
         total[first : first + 6, columns] += np.concatenate([force, moment])
     return sp.csr_array(total)
 

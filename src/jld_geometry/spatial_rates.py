@@ -148,10 +148,9 @@ def load_rates(assembly: Assembly, mesh: VertexMesh, load_factor: float) -> sp.c
 
 def shape_loads(loads: Loads, elements: Elements) -> tuple[Floats, Floats]:
     """Return the forces (n, d) that grow with volumes of elements, and those that move with centroids."""
-    body, riding = loads.body, loads.at_centroids
     return (
-        np.where((elements.support | elements.fixed_weight)[:, None], 0.0, body),
-        np.where((elements.support | elements.fixed_centroid)[:, None], 0.0, riding),
+        np.where((elements.support | elements.fixed_weight)[:, None], 0.0, loads.body),
+        np.where((elements.support | elements.fixed_centroid)[:, None], 0.0, loads.at_centroids),
     )
 
 
@@ -189,11 +188,13 @@ def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats
 def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor: float) -> Floats:
     """Return minus the derivatives (k, 3) of an element's load power; motion: (6,)."""
     loads = assembly.dead_loads + load_factor * assembly.live_loads
-    growing, riding = (load[element] for load in shape_loads(loads, assembly.elements))
+    body_load, centroid_load = (load[element] for load in shape_loads(loads, assembly.elements))
     volume, by_volume, by_moment = volume_rates(assembly, element)
-    # moments are about the centroid, so that the first moment of the whole vanishes
-    lever = np.cross(riding, motion[3:])
-    return np.asarray(-(float(growing @ motion[:3]) * by_volume + np.einsum("j,ijk->ik", lever, by_moment)) / volume)
+    # Moments are about the centroid, so that the first moment of the whole vanishes. For a shift s of the centroid,
+    # (s × F)·ω = s·(F × ω).
+    turning = np.cross(centroid_load, motion[3:])
+    power = float(body_load @ motion[:3]) * by_volume + np.einsum("j,ijk->ik", turning, by_moment)
+    return np.asarray(-power / volume)
 
 
 def volume_rates(assembly: Assembly, element: int) -> tuple[float, Floats, Floats]:

@@ -194,7 +194,7 @@ class BatchSolver:
     def _starting(self, template: Template, samples_wanted: int) -> _Start:
         """Return the starting point of the iterations; store `_start` and `settled_fraction`."""
         # The point lies between the least-norm forces in equilibrium and the mean solution of `samples_wanted` random
-        # labellings.
+        # labellings. Their solves start from `_start`, and set `settled_fraction`.
         matrix = self._matrix = template.matrix
         least_norm = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
         finite = bool(np.isfinite(least_norm).all())

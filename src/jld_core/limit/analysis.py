@@ -687,6 +687,7 @@ class LimitAnalysis:
         return cache[key]
 
     def _new_batch(self) -> BatchSolver:
+        # An expansion opens every face as `opening` does, but needs no program, which one labelling would not repay.
         expansion = self.repair.expansion() if self.single_labelling else None
         opening = self.repair.opening() if expansion is None else expansion
         return BatchSolver(

@@ -186,7 +186,7 @@ class SharedHull:
         """Return the scaled program; columns: resultants of both copies, share of the second of each face, λ."""
         copies = np.concatenate([labels | undecided, labels & ~undecided])
         data = np.where(copies[self._owner], self._dry, self._inner)
-        rhs = self._rhs[0].copy()
+        rhs = self._rhs[0].copy()  # that of the second copy stands in the columns of shares
         rhs[self._first] = np.where(copies[self._row_face], self._rhs[0, self._first], self._rhs[1, self._first])
         return ConicProgram(self.structure, data, rhs, self._objective + margin * self._pressure)
 
@@ -487,13 +487,17 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
 class CaseBlockRelaxation(_Cases[BlockRelaxation]):
     """Block relaxation under load cases, in governing factors; the least bound of all cases holds."""
 
+    # allowed: (p,) blocks that may occur. threshold: governing factor that is to be refuted. most: known upper bound.
+
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
         return self.bound_all([(allowed, threshold, most)])[0]
 
     def evaluate(self, mechanism: BlockMechanism, allowed: Bools, threshold: float, most: float) -> Choice:
+        """Bound the factor by an earlier mechanism of one case, without a solver."""
         unit = self._units[mechanism.case]
         scaled = self._scaled_for_case(threshold, most, unit)
         choice = self._cases[mechanism.case].evaluate(mechanism, allowed, *scaled)
+        # a refuted threshold is itself the bound; converting it back would round it
         bound = threshold if choice.refuted else _raise_by_rounding(choice.bound * unit)
         return replace(choice, bound=min(most, bound), mechanisms=(mechanism,))
 

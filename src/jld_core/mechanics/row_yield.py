@@ -501,13 +501,16 @@ class RowYield:
         return np.asarray((along_rays + self._by_label(labels, "missing_rays")).min(axis=-1, initial=np.inf))
 
     def strength(self, labels: Bits) -> Floats:
-        """Return the largest dissipation (m,) of a jump of size 1, see `YieldSet.strength`."""
-        c, coupled = self._by_label(labels, "c"), self._by_label(labels, "coupled")
-        size = abs(self._by_label(labels, "vertices")).max(axis=(1, 2)) + c[:, 0] + np.where(coupled, 0.0, c[:, 1])
+        """Estimate the largest dissipation (m,) of a jump of size 1, see `YieldSet.strength`."""
+        # Sum of the largest coordinate of the core's vertices and the gauges' capacities without N; a coupled gauge
+        # counts once.
+        vertices, capacity = self._by_label(labels, "vertices"), self._by_label(labels, "c")
+        torsion = np.where(self._by_label(labels, "coupled"), 0.0, capacity[:, 1])
+        strength = abs(vertices).max(axis=(1, 2)) + capacity[:, 0] + torsion
         if self.crushing is not None:
             faces = self.crushing.faces
-            size[faces] += np.where(labels[faces], self.crushing.limit, 0.0)
-        return np.asarray(size)
+            strength[faces] += np.where(labels[faces], self.crushing.limit, 0.0)
+        return np.asarray(strength)
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
         """Return the largest ratio (m,) of a demand to its capacity, see `YieldSet.utilisation`."""

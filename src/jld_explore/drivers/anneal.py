@@ -138,7 +138,7 @@ class Anneal(Searcher):
         half = list(range(len(self._chains)))[self._half :: 2] or [0]
         self._accept_changes(half)
         with_labelling = [number for number in half if self._chains[number].labelling is not None]
-        batches = [self._none]
+        batches = [self._no_labellings]
         if with_labelling:
             self._compute_mechanisms(with_labelling)
         tries = max(1, self.size // len(half))
@@ -170,7 +170,7 @@ class Anneal(Searcher):
         alone = [number for number, crossed in zip(owners, crossing, strict=True) if not crossed]
         coupled = [number for number, crossed in zip(owners, crossing, strict=True) if crossed]
         # An operator gives no row or several for a labelling, and `source`: which labelling each row comes from.
-        rows, chain_of_row = self._none, []
+        rows, chain_of_row = self._no_labellings, []
         if alone:
             chains = [self._chains[number] for number in alone]
             labellings = np.array([chain.labelling for chain in chains])

@@ -362,7 +362,7 @@ class FieldExact(ProvingDriver):
         self._batch_seconds = time.perf_counter() - start
 
     def _bound_finer(self) -> None:
-        """Bound all labellings on finer meshes in the time there is; refute labellings on some."""
+        """Bound all labellings on finer meshes in the time there is; from then on refute labellings on some too."""
         cases = [self.refuter.common(case) for case in range(self.refuter.cases)]
         while not self._reached and self._deadline.remaining() > _ROOT_CAUTION * self._batch_seconds:
             unfinished = [case for case, meshes in enumerate(cases) if not meshes.ended]

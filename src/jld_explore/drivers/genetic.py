@@ -150,7 +150,7 @@ class Genetic(Searcher):
         self._generator = np.random.default_rng([seed, 1])
         self._surrogate = Surrogate(space)
         self._pool = Pool(space, self._surrogate)
-        self._drawn_immigrants = self._none
+        self._drawn_immigrants = self._no_labellings
         self._front = Envelope(counts)
         self._pending: list[tuple[Bits, Floats, Ints]] = []
         self._proposed = self._evaluated = 0
@@ -160,7 +160,7 @@ class Genetic(Searcher):
         """Start an empty population with the proposals from now on; the surrogate stays."""
         self._first = self._proposed
         self._rows, self._status_rank, self._values = (
-            self._none,
+            self._no_labellings,
             np.empty(0, dtype=np.int64),
             np.empty((0, 1 + len(self.space.search.front.axes))),
         )

@@ -74,7 +74,7 @@ class HillClimb(Searcher):
         for number, run in enumerate(self._runs):
             if run.stalled >= self.rounds:
                 run = self._runs[number] = _Run()
-            rows = self._none
+            rows = self._no_labellings
             if run.labelling is not None:
                 labelling = run.labelling
 

@@ -136,7 +136,7 @@ class Portfolio(Anneal):
 
     def propose(self) -> Bits:
         self._learn()
-        rows = self._none
+        rows = self._no_labellings
         if min(self._spent.sum(), 2.0 * self._spent[0]) < self._due and self._leaders:
             rows = self._of_front()
             if len(rows) >= max(1, self.size // 8):
@@ -235,7 +235,7 @@ class Portfolio(Anneal):
             self._climbing.update((key, (climb, "begin", 1)) for key in keys(rows))
             return rows
         if climb.idle > climb.patience:
-            return self._none
+            return self._no_labellings
         if climb.energy >= _NO_LOAD_FACTOR:
             return self._walk_to_standing(climb)
         batches, prepared, climb.prepared = [self._merge_improvements(climb)], climb.prepared, None
@@ -288,25 +288,28 @@ class Portfolio(Anneal):
         better, before = climb.better, climb.before
         climb.better = []
         if len(better) < 2 or before is None:
-            return self._none
-        (base, *written), merges = self.operators.write(np.array([before, *better])), []
+            return self._no_labellings
+        (base, *improved), merges = self.operators.write(np.array([before, *better])), []
         for number in sorted({2, min(3, len(better)), max(2, len(better) // 2), len(better)}):
-            merged, taken = base.copy(), np.zeros(len(base), dtype=bool)
-            for one in written[:number]:
-                fresh = (one != base) & ~taken
-                merged[fresh], taken = one[fresh], taken | fresh
+            merged, changed = base.copy(), np.zeros(len(base), dtype=bool)
+            for row_keys in improved[:number]:  # of two changes of one key the first holds
+                changing = (row_keys != base) & ~changed
+                merged[changing], changed = row_keys[changing], changed | changing
             merges.append(merged)
-        keys_of = np.array(merges) + 0.1 * np.reshape(self.rng.reals(len(merges) * len(base)), (-1, len(base)))
-        found = self.operators.read(keys_of)[0]
-        return self._admit(climb, found, [("merge", 1)] * len(found))
+        # Merged keys may ask for no partition. Noise then decides which pairs `read` joins first; it crosses no
+        # threshold.
+        noise = 0.1 * np.reshape(self.rng.reals(len(merges) * len(base)), (-1, len(base)))
+        rows = self.operators.read(np.array(merges) + noise)[0]
+        return self._admit(climb, rows, [("merge", 1)] * len(rows))
 
     def _carry_over(self, rows: Bits, base: Bits, labels: Bits) -> tuple[Bits, Ints]:
         """Change labels (m,) as rows (k, m) change a base (m,), where that gives blocks: labellings, row of each."""
-        before, here, *after = self.operators.write(np.concatenate([base[None], labels[None], rows]))
-        changed = np.array(after) != before
-        apart = np.flatnonzero(~(changed & (here != before)).any(axis=1))
-        found, of = self.operators.read(np.where(changed[apart], np.array(after)[apart], here), repair=False)
-        return found, apart[of]
+        base_keys, label_keys, *row_keys = self.operators.write(np.concatenate([base[None], labels[None], rows]))
+        changed = np.array(row_keys) != base_keys
+        apart = np.flatnonzero(~(changed & (label_keys != base_keys)).any(axis=1))  # keys that labels have changed stay
+        carried = np.where(changed[apart], np.array(row_keys)[apart], label_keys)
+        changed_labellings, source = self.operators.read(carried, repair=False)
+        return changed_labellings, apart[source]
 
     def _admit(self, climb: _Climb, rows: Bits, origins: list[tuple[str, int]], most: int | None = None) -> Bits:
         """Register new labellings among rows (k, m), the most promising if there are too many, with their origins."""
@@ -343,7 +346,7 @@ class Portfolio(Anneal):
 
     def _vary(self, labels: Bits, count: int) -> tuple[Bits, list[tuple[str, int]]]:
         """Vary a labelling (m,) in `count` ways of one step or more: rows (count, m), and the origin of each."""
-        steps_of_row, batches, origins = self._numbers("vary", count), [self._none], []
+        steps_of_row, batches, origins = self._numbers("vary", count), [self._no_labellings], []
         rows = np.repeat(labels[None], count, axis=0)
         for steps in range(1, int(steps_of_row.max(initial=0)) + 1):
             checkpoint()
@@ -357,7 +360,7 @@ class Portfolio(Anneal):
     def _follow_mechanism(self, climb: _Climb, labels: Bits, count: int) -> tuple[Bits, list[tuple[str, int]]]:
         """Return changes (count, m) of labels (m,) where its mechanism moves."""
         if not count:
-            return self._none, []
+            return self._no_labellings, []
         if climb.moving is None or climb.moves >= _REFRESH:
             climb.moving, climb.moves = self._movements[climb.case].of(labels[None])[0], 0
         many, rows = self._numbers("follow", count), np.repeat(labels[None], count, axis=0)

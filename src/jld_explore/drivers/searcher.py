@@ -200,7 +200,7 @@ class Searcher(Driver):
         self.rng = BufferedRandom(np.random.default_rng(seed))
         self.operators: Operators = operators(space)
         self.register = Register(space)
-        self._unreturned = self._none
+        self._unreturned = self._no_labellings
         self._enumeration: Iterator[Bits] | None = None
         self.standing_start = StandingStart(space, self.like)
 
@@ -209,12 +209,12 @@ class Searcher(Driver):
         return True
 
     @property
-    def _none(self) -> Bits:
+    def _no_labellings(self) -> Bits:
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
     def ask(self, limit: int | None = None) -> Bits:
         if limit is not None and limit <= 0:
-            return self._none
+            return self._no_labellings
         if not len(self._unreturned):
             self._unreturned = self._batch()
         given, self._unreturned = (
@@ -234,7 +234,7 @@ class Searcher(Driver):
                 self._enumeration = self._remaining()
             if len(rows):
                 return rows
-        return next(self._enumeration, self._none) if self._enumeration is not None else self._none
+        return next(self._enumeration, self._no_labellings) if self._enumeration is not None else self._no_labellings
 
     @abstractmethod
     def propose(self) -> Bits:
@@ -249,7 +249,7 @@ class Searcher(Driver):
 
     def fresh(self, make: Callable[[int], Bits], count: int) -> Bits:
         """Register up to `count` new classes (k, m) out of batches that `make` returns for a number."""
-        found = self._none
+        found = self._no_labellings
         tries = PATIENCE * max(count, _ROUND)
         while len(found) < count and tries > 0:
             checkpoint()
@@ -266,7 +266,7 @@ class Searcher(Driver):
 
     def _remaining(self) -> Iterator[Bits]:
         """Yield the classes that were not proposed yet, in batches of `size`, by enumeration."""
-        waiting = self._none
+        waiting = self._no_labellings
         for rows, _ in Enumeration(self.space).batches():
             waiting = np.concatenate([waiting, self.register.admit(rows)])
             while len(waiting) >= self.size:

@@ -37,36 +37,38 @@ class StandingStart:
         self._space, self._search = space, search
         self._driver: Driver | None = None
         self._analyses: list[LimitAnalysis] = []
-        self._fallen, self._due, self._looked, self._share = 0, 0.0, 0, _LAYOUT_SHARES[1]
+        self._evaluated, self._layouts_per_evaluation = 0, _LAYOUT_SHARES[1]  # evaluations of the search itself
+        self._layouts_due, self._layouts_since = 0.0, 0  # layouts to look at, and those since success was judged
         self._least_bond = self._least_before = math.inf  # least bond, and that when success was judged last
         self._ended = False
 
     def watch(self, evaluations: Sequence[Evaluation]) -> None:
         """Count evaluations of the search; the first layout that stands, or may, ends the start."""
         self._ended = self._ended or any(evaluation.status is not Status.UNSTABLE for evaluation in evaluations)
-        self._fallen += len(evaluations)
-        self._due += self._share * len(evaluations)
+        self._evaluated += len(evaluations)
+        self._layouts_due += self._layouts_per_evaluation * len(evaluations)
 
     def rows(self) -> Bits:
         """Return layouts (k, m) that should stand, if there are some among as many as are due."""
         standing = np.empty((0, len(self._space.fixed)), dtype=bool)
         if self._ended:
             self._driver, self._analyses = None, []
-        if self._ended or self._fallen < _FALLEN_FIRST or self._due < 1.0:
+        if self._ended or self._evaluated < _FALLEN_FIRST or self._layouts_due < 1.0:
             return standing
         self._driver = driver = self._driver or self._make_driver()
-        while driver is not None and self._due >= 1.0 and not len(standing):
+        while driver is not None and self._layouts_due >= 1.0 and not len(standing):
             checkpoint()
             if not len(labellings := driver.ask()):
                 driver = None
                 break
             standing = self._tell_bonds(driver, labellings)
-            self._due, self._looked = self._due - len(labellings), self._looked + len(labellings)
-            if self._looked >= _JUDGED_AFTER or len(standing):  # what should stand and does not is no success
-                self._share = _LAYOUT_SHARES[
+            self._layouts_due -= len(labellings)
+            self._layouts_since += len(labellings)
+            if self._layouts_since >= _JUDGED_AFTER or len(standing):  # what should stand and does not is no success
+                self._layouts_per_evaluation = _LAYOUT_SHARES[
                     self._least_bond < (1.0 - _GAIN) * self._least_before and not len(standing)
                 ]
-                self._looked, self._least_before = 0, self._least_bond
+                self._layouts_since, self._least_before = 0, self._least_bond
         self._ended = driver is None
         return standing
 

@@ -191,11 +191,12 @@ def search_deadline(deadline: Deadline, settings: ExploreSettings, assembly: Ass
         return deadline
     # What has been done so far tells how much longer writing takes on a busy machine.
     busy = busy_factor(deadline.elapsed(), time.process_time())
-    expected, share = busy * (_WRITING + _WRITING_FACE * assembly.faces), _TABLES_ALONE
+    expected, late_share = busy * (_WRITING + _WRITING_FACE * assembly.faces), _TABLES_ALONE
     if settings.pictures:
-        expected, share = expected + busy * _PICTURES, PICTURES
+        expected, late_share = expected + busy * _PICTURES, PICTURES
         expected += field_seconds(settings.seconds) if fields else 0.0
-    reserved = max(0.0, expected - share * lateness(settings.seconds))
+    # Writing may go on after the time limit for that share of `lateness`; the search leaves the rest.
+    reserved = max(0.0, expected - late_share * lateness(settings.seconds))
     return deadline.earlier(min(reserved, _MOST_KEPT * settings.seconds))
 
 
