@@ -13,6 +13,7 @@ from __future__ import annotations
 import csv
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any, Final, cast
 
@@ -156,7 +157,13 @@ Told = Callable[[NDArray[np.float64]], None]  # takes the values (k,) of labelli
 def of_driver(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) -> Iterator[tuple[Bits, Told]]:
     name, _, aim = name.partition(":")
     driver = make_driver(name, space, seed, **({"aim": aim} if aim else {}))
-    while len(rows := driver.ask()):
+    submitted = deque[Bits]()
+    while True:
+        while len(submitted) <= driver.ahead and len(asked := driver.ask()):  # as many ahead as a study asks
+            submitted.append(asked)
+        if not submitted:
+            return
+        rows = submitted.popleft()
         found = evaluator.evaluate_all(rows)
         driver.tell(rows, found)
         values = np.array([one.load_factor if one.status is Status.COLLAPSE else -np.inf for one in found])

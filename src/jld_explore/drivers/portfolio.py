@@ -38,7 +38,8 @@ _FRESH: Final = 0.1  # weight of the latest batch in what evaluations for the fr
 _GAIN: Final = 0.05  # relative gain in λ that counts as much as any larger one
 _REFRESH: Final = 3  # moves of a climb after which its mechanism is computed anew
 
-_FACES: Final = 600  # faces that can change from which few chains are annealed, as each evaluation takes long
+# faces that can change from which few chains are annealed and no batch is asked ahead, as each evaluation takes long
+_FACES: Final = 600
 _CHAINS: Final = (16, 4)  # number of chains below and above that
 _FRONT_SHARES: Final = (0.15, 0.5)  # share of evaluations for the front, and while λ has not risen in half of all
 _RISE: Final = 1e-4  # relative gain of λ that counts as one
@@ -89,11 +90,12 @@ class Portfolio(Anneal):
         # chains and population go on, and climbs start from the best of all. They have the more time the fewer climbs
         # gain. For a front some evaluations climb at labellings of it, each without worse counts, or are of the
         # population.
-        super().__init__(space, seed, _CHAINS[int(space.candidates.sum()) >= _FACES], aim)
-        self._cheap = cheap = int(space.candidates.sum()) < _CHEAP
+        faces = int(space.candidates.sum())
+        super().__init__(space, seed, _CHAINS[faces >= _FACES], aim)
+        self._cheap = cheap = faces < _CHEAP
         # Where a layout takes long, climbs have few steps, each of which should know the one before: changes are only
         # prepared meanwhile. Elsewhere one batch is made while another is evaluated.
-        self.ahead = int(space.candidates.sum() < _FACES)
+        self.ahead = int(faces < _FACES)
         self.aim, self._together, self._screened = aim, _CHANGES[cheap], _SCREENED[cheap]
         self._others_per_climb = _RATIOS[cheap]
         self._patience = _PATIENCE * self.operators.keys
