@@ -143,7 +143,7 @@ class OutputSettings:
     )
     certificate: Path | None = setting(None, "File for the proof of the exact driver; jld verify checks it.")
     strict: bool = setting(False, "Treat plausibility warnings as errors.")
-    csv: bool = setting(False, "Write results.csv for more than 100 000 layouts too.")
+    csv: bool = setting(False, "Write results.csv for more than 20 000 layouts too.")
 
 
 Part = ModelSettings | BudgetSettings | ParallelSettings | SearchMethod | OutputSettings

@@ -105,25 +105,25 @@ class BlockShapes:
         with self._lock:
             return np.asarray(self._numbers()[indices])
 
-    def different(self, blocks: Ints, sink: int = -1) -> Ints:
-        """Return (k,) number of different block shapes of each row (k, n)."""
+    def counted(self, blocks: Ints, sink: int = -1) -> tuple[Bools, Ints]:
+        """Return (k, n) which blocks (k, n) count, and their positions among known outlines."""
         # The block that contains the element `sink` is not counted if `sink` is at least 0.
-        holds, indices, number = self._blocks_that_count(blocks, sink)
+        holds, indices = self.look(blocks)
+        if sink >= 0:
+            holds[np.arange(len(blocks)), blocks[:, sink]] = False
+        return holds, indices
+
+    def different(self, holds: Bools, indices: Ints) -> Ints:
+        """Return (k,) number of different block shapes of each row of `counted` blocks (k, n)."""
+        with self._lock:
+            number = self._numbers()
         _, new = _first_of_kinds(holds, number[indices])
         return np.asarray(new.sum(axis=1), dtype=np.int64)
 
-    def _blocks_that_count(self, blocks: Ints, sink: int) -> tuple[Bools, Ints, Ints]:
-        """Return which blocks (k, n) count, their positions among known outlines, and the kinds of these."""
+    def total(self, holds: Bools, indices: Ints, name: str, *, once: bool = False) -> Ints:
+        """Return (k,) sums of a whole-number attribute of outlines over `counted` blocks (k, n)."""
         with self._lock:
-            holds, indices = self._look(blocks)
             number = self._numbers()
-        if sink >= 0:
-            holds[np.arange(len(blocks)), blocks[:, sink]] = False
-        return holds, indices, number
-
-    def total(self, blocks: Ints, name: str, sink: int = -1, *, once: bool = False) -> Ints:
-        """Return (k,) sums of a whole-number attribute of outlines over the blocks (k, n)."""
-        holds, indices, number = self._blocks_that_count(blocks, sink)
         value = np.array([getattr(shape, name) for shape in self._shapes[: len(number)]], dtype=np.int64)
         if not once:
             return np.asarray(np.where(holds, value[indices], 0).sum(axis=1), dtype=np.int64)
@@ -249,6 +249,11 @@ class Layouts:
             # Omitted cells do not form a block.
             cells[self.blocks[:, self.assembly.sink], np.arange(len(self.labellings))] = 0
         return cells
+
+    @cached_property
+    def outlines(self) -> tuple[Bools, Ints]:
+        """(k, n) which blocks count, and their positions among known outlines."""
+        return self.block_shapes.counted(self.blocks, self.assembly.sink)
 
     @cached_property
     def stays(self) -> Bools:
@@ -435,7 +440,7 @@ _COUNTS: Final[dict[str, Count]] = {
         ),
         Count(
             "shapes",
-            of=lambda layouts: layouts.block_shapes.different(layouts.blocks, layouts.assembly.sink),
+            of=lambda layouts: layouts.block_shapes.different(*layouts.outlines),
             axis="different shapes of blocks",
             noun="shape",
             kinds=True,
@@ -452,7 +457,7 @@ _COUNTS: Final[dict[str, Count]] = {
         ),
         Count(
             "saw_cuts",
-            of=lambda layouts: layouts.block_shapes.total(layouts.blocks, "faces", layouts.assembly.sink),
+            of=lambda layouts: layouts.block_shapes.total(*layouts.outlines, "faces"),
             axis="sawn faces of all blocks",
             noun="cut",
             outlines=True,
@@ -461,7 +466,7 @@ _COUNTS: Final[dict[str, Count]] = {
         ),
         Count(
             "saw_set_ups",
-            of=lambda layouts: layouts.block_shapes.total(layouts.blocks, "lines", layouts.assembly.sink, once=True),
+            of=lambda layouts: layouts.block_shapes.total(*layouts.outlines, "lines", once=True),
             axis="set-ups of the saw",
             noun="set-up",
             outlines=True,
