@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from benchmarks.large import document
+from scipy.optimize import linprog
 
-from cases import box
+from cases import box, grid_document, space_of
 from jld_core import (
     Assembly,
     Deadline,
@@ -27,6 +28,7 @@ from jld_core.linalg.factors import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
+from jld_explore.space import from_string
 from jld_practice.reactions.thrust import least_share, shrunk
 from jld_samples import arch
 
@@ -64,6 +66,26 @@ def test_what_stands_is_sought_until_a_deadline() -> None:
     with pytest.raises(DeadlinePassed):
         found.proof_at_zero(labels, Deadline(0.0))
     assert isinstance(found.proof_at_zero(labels, Deadline()), State)
+
+
+def test_what_stands_without_slack_is_told_as_by_a_linear_program() -> None:
+    """A wall that spans five of its seven cells: in the first labelling joints carry no force, or one alone."""
+    wall = grid_document(["aaaaaaa"] * 5 + ["#.....#"], tension=2e6, shear=2e5, block_cells=[2, 6])
+    space = space_of(wall)
+    analysis, kinds = LimitAnalysis(space.assembly), set()
+    edge = from_string("iidiiddddiiddiddiiddddiidddiddiddiidddiiidididdidddiidddiidd")
+    for labels in (edge, *make_driver("random", space, 1).ask(64)):
+        program, columns = analysis.template.program(labels), analysis.template.columns - 1
+        rows = program.matrix.toarray()[:, :columns], program.rhs
+        (equal, below), (right, sides) = (np.split(part, [program.structure.equalities]) for part in rows)
+        found = linprog(np.zeros(columns), below, sides, equal, right, bounds=(None, None), method="highs")
+        proof = analysis.repair.proof_at_zero(labels)
+        assert isinstance(proof, State) == (found.status == 0)
+        kinds.add(type(proof))
+        if isinstance(proof, State):
+            assert np.abs(equal @ proof.forces.ravel() - right).max() < 1e-13
+            assert (sides - below @ proof.forces.ravel()).min() > -1e-13
+    assert len(kinds) == 2
 
 
 @pytest.mark.long

@@ -295,6 +295,11 @@ class Prover:
             return self._no_state()
         return self._state(point[: self._columns], float(point[-1]), labels, passes, fixed_load)
 
+    def projector(self, labels: Bits) -> Projector | None:
+        """Return the projector onto equilibrium at fixed λ; None where labels (m,) drop resultants."""
+        projector, mask = self._projectors.with_load(labels)
+        return projector if mask is None else None
+
     def state_within(self, forces: Floats, labels: Bits, inside: Bools) -> State:
         """Project forces (m, q) at λ = 0 onto equilibrium, with forces on the faces `inside` (m,) alone."""
         # Faces without forces are exactly at the apex of their sets: only the slack of the others must exceed rounding.

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Bools, Floats
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.deadline import Deadline
 from jld_core.limit.auxiliary_programs import (
     interior_motion,
@@ -111,6 +111,8 @@ _NO_FORCE = 1e-3  # Head of a cone, scaled, below which a point counts as the ti
 
 
 _GAPS: Final = (1e-2, 1e-8)  # relative gaps at which λ = 0 is decided: coarse on large scenes, then fine
+_TIGHT: Final = 1e-6  # slack, scaled, of a row that is tight in all solutions
+_MOST_DENSE: Final = 1_000_000  # largest number of entries of equations of tight rows that are full
 _SHARES: Final = (0.0, *np.logspace(-13.0, -3.0, 11), 1.0)  # shares of a state inside, tried in turn
 
 
@@ -134,7 +136,7 @@ class Repair:
         raw = solve_auxiliary(largest_slack_program(self.template.program(labels), load_fixed=True), _GAPS[1])
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
         state = self.prover.state(point, labels, passes=3, fixed_load=True)
-        return state if state.admissible else self.boundary_state(raw.point, labels, load_fixed=True)
+        return state if state.admissible else self._boundary_state_at_zero(raw.point, labels)
 
     def stands(self, labels: Bits) -> bool | None:
         """Decide whether λ = 0 is admissible: by a state, or not, by a motion that gains energy.
@@ -172,7 +174,38 @@ class Repair:
             motion = self.reduced(motion, labels, normalise=False) or motion
         if motion.margin >= 0.0 and motion.bound < -max(tolerances.ROUNDING, motion.noise):
             return motion
-        return self.boundary_state(raw.point, labels, load_fixed=True)
+        return self._boundary_state_at_zero(raw.point, labels)
+
+    def _boundary_state_at_zero(self, point: Floats, labels: Bits) -> State | None:
+        """Find an admissible state at λ = 0 near the point of largest slack t (columns,), t last, of about zero."""
+        near = self._near_boundary(point, labels) if usable(point) and abs(point[-1]) < _TIGHT else None
+        return near or self.boundary_state(point, labels, load_fixed=True)
+
+    def _near_boundary(self, point: Floats, labels: Bits) -> State | None:
+        """Return the state at λ = 0 next to a point where rows tight in it are equations; None if inadmissible."""
+        # An interior point ends amid the solutions: rows that are not tight in all of them have slack.
+        program = self.template.program(labels)
+        structure, columns = program.structure, self.template.matrix.shape[1]
+        if columns != structure.shape[1] - 1 or (projector := self.prover.projector(labels)) is None:
+            return None
+        values = program.rhs - program.matrix[:, :columns] @ point[:columns]
+        slack = values[slack_rows(structure)]
+        for k, (head, size) in enumerate(zip(structure.heads, structure.cones, strict=True), structure.linear - 1):
+            slack[k] -= np.linalg.norm(values[head + 1 : head + size])
+        tight = slack < _TIGHT
+        selection = sp.csr_array(sp.vstack(self._equations(structure, tight, values)))
+        if selection.shape[0] * columns > _MOST_DENSE:
+            return None
+        equations = sp.csr_array((selection @ program.matrix)[:, :columns])
+        sides = program.rhs[: structure.equalities], selection @ program.rhs
+        nearest = projector.project_onto(equations, point[:columns], *sides)
+        return self._state_on_boundary(nearest, labels, self._faces_of(slack_rows(structure)[tight], labels), 0.0)
+
+    def _faces_of(self, rows: Ints, labels: Bits) -> Bools:
+        """Return (m,) the faces of yield rows of the program."""
+        structure = self.template.structure
+        faces = self.template.yield_set.pattern.row_face[rows - structure.equalities - 1]
+        return np.isin(np.arange(len(labels)), faces)
 
     def instability_velocities(self, labels: Bits) -> Floats:
         """Find velocities (≥ q·free,) that may prove that no λ ≥ 0 is admissible (3.15), unchecked."""
@@ -205,8 +238,7 @@ class Repair:
         projector = ConsistentProjector(equations)
         interior = projector.project(answer.point[:columns], sides)
         start = projector.project(point[:columns], sides) if point is not None and usable(point) else interior
-        faces = self.template.yield_set.pattern.row_face[slack_rows(structure)[tight] - structure.equalities - 1]
-        on_boundary = np.isin(np.arange(len(labels)), faces)
+        on_boundary = self._faces_of(slack_rows(structure)[tight], labels)
         for share in _SHARES:
             blend = (1.0 - share) * start + share * interior
             state = self._state_on_boundary(blend, labels, on_boundary, 0.0 if load_fixed else float(blend[-1]))

@@ -351,6 +351,7 @@ _DENSE = 200  # number of equations up to which a stored dense projector is fast
 
 _FEW = 1000  # number of columns up to which a dense factorisation is computed
 _RANK = 1e-12  # relative size of a pivot below which its row depends on others
+_DEPENDENT = 1e-10  # the same for a row without its part along other rows, relative to the largest entry
 _SHIFT = 1e-10  # δ of the regularisation: far above rounding, far below the least eigenvalues of E Eᵀ
 _STEPS = 12  # number of steps of regularisation
 
@@ -372,10 +373,24 @@ class Projector:
             self._solve = _cholesky(normal, places) or _lu(normal)
 
     def correction(self, residual: Floats) -> Floats:
-        """Return the least-norm change (columns,) of F that removes a residual A F − r."""
+        """Return the least-norm change (columns,) of F that removes a residual A F − r, or of each column of some."""
         if self._dense is not None:
             return self._dense @ residual
         return np.asarray(self.matrix.T @ self._solve(residual))
+
+    def project_onto(self, equations: sp.csr_array, y: Floats, right: Floats, others: Floats) -> Floats:
+        """Return a point near y where A F = right, and few equations E F = others that may depend on A."""
+        # What is left of E without its part along A has small pivots where a row depends on others.
+        few = equations.toarray().T
+        basis, triangle, order = la.qr(
+            few - self.correction(self.matrix @ few), mode="economic", pivoting=True, check_finite=False
+        )
+        rank = int(np.count_nonzero(abs(np.diag(triangle)) > _DEPENDENT * abs(few).max(initial=0.0)))
+        basis, triangle, order = basis[:, :rank], triangle[:rank, :rank], order[:rank]
+        for _ in range(3):
+            y = y - self.correction(self.matrix @ y - right)
+            y = y - basis @ la.solve_triangular(triangle, (equations @ y - others)[order], trans="T")
+        return y
 
 
 def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats], Floats] | None:
