@@ -16,7 +16,7 @@ from benchmarks.common import random_segmentations, scene
 
 from cases import dry_and_inner, every_layout, grid_document, standing_of
 from command import Command
-from jld_core import Deadline, InputError, build_assembly, parse_scene, samples, solve
+from jld_core import Deadline, InputError, LimitAnalysis, build_assembly, parse_scene, samples, solve
 from jld_explore import Exploration, ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
@@ -324,6 +324,22 @@ def test_whether_a_layout_stands_is_not_begun_where_it_would_be_late() -> None:
     labels = assembly.labels[None]
     assert np.isnan(standing_of(assembly, labels, None, Deadline(60.0), solved_in=30.0)).all()
     assert standing_of(assembly, labels, None, Deadline(600.0), solved_in=30.0).tolist() == [1.0]
+
+
+def test_what_is_dry_in_any_layout_is_proven_to_stand_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The state of a weak wall with all faces dry settles few layouts; it was sought anew for each batch of others."""
+    document = grid_document(["aaaa"] * 5 + ["####"], tension=1e3, shear=10.0, block_cells=[1, 3])
+    kind = type(LimitAnalysis(build_assembly(parse_scene(document))).repair)
+    prove, proven = kind.proof_at_zero, [0]
+
+    def counted(*given: Any) -> Any:
+        proven[0] += 1
+        return prove(*given)
+
+    monkeypatch.setattr(kind, "proof_at_zero", counted)
+    done = explore(parse_scene(document), tmp_path, driver="genetic", budget=600, jobs=1, pictures=False)
+    assert done.results["stands_at_zero"].all()
+    assert proven[0] < 3
 
 
 def test_many_layouts_of_an_arch_equal_a_solve_of_each(tmp_path: Path) -> None:

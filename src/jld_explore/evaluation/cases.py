@@ -442,8 +442,10 @@ class _Case:
         open_rows, late = np.isnan(found), deadline is not None and deadline.passed()
         if self._wider and np.count_nonzero(open_rows) > _FEW and not late:
             # what is dry in any of them: where that stands with room, as most walls do, all are settled at once
-            self._dry |= labellings[open_rows].any(axis=0)
-            self._wider = isinstance(self._learn(self._dry, labellings, found, until), State)
+            dry = self._dry | labellings[open_rows].any(axis=0)
+            if (dry != self._dry).any():
+                self._dry = dry
+                self._wider = isinstance(self._learn(dry, labellings, found, until), State)
         asked = False
         for k in range(len(labellings)):
             if not math.isnan(found[k]):
