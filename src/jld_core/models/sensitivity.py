@@ -278,7 +278,9 @@ class SolvedProgram:
             len(loose) + len(held_rows),
             (),
         )
-        answer = HighsSolver(tolerance=_SLACK).solve(program)
+        answer = self._solver.solve(program)
+        if answer.status is RawStatus.ALMOST:  # a simplex, which takes minutes where this takes a second, ends at a vertex
+            answer = HighsSolver(tolerance=_SLACK).solve(program)
         return float(program.objective @ answer.point) if answer.status is RawStatus.OPTIMAL else math.nan
 
 
