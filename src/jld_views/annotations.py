@@ -209,12 +209,12 @@ def block_handle(assembly: Assembly, labels: Bits) -> Artist:
 
 def load_handles(drawn: Drawn) -> list[Artist]:
     """Return legend handles of the live loads that `draw_loads` has added to `drawn`."""
-    styles = {
-        "live": _mark("live load, × λ", r"$\longrightarrow$", 15.0, color=LOAD, markeredgewidth=0.3),
-        "body": _mark("live load on all bodies, × λ", r"$\Rightarrow$", 13.0, color=LOAD),
-        "couples": _line("live couple, × λ", **TURN, markersize=10.0, color=LOAD),
+    styles = {  # made where they are wanted, as arrows are set as formulas
+        "live": lambda: _mark("live load, × λ", r"$\longrightarrow$", 15.0, color=LOAD, markeredgewidth=0.3),
+        "body": lambda: _mark("live load on all bodies, × λ", r"$\Rightarrow$", 13.0, color=LOAD),
+        "couples": lambda: _line("live couple, × λ", **TURN, markersize=10.0, color=LOAD),
     }
-    return [handle for name, handle in styles.items() if name in drawn]
+    return [handle() for name, handle in styles.items() if name in drawn]
 
 
 def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thick: float) -> list[Artist]:
@@ -226,14 +226,14 @@ def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thi
         width = max(thick, 1.0) * (0.45 + 1.15 * used)
         handles.append(_line(f"utilisation {used:g}", color=USED(used), linewidth=width))
     styles = {
-        "press": _mark(f"pressing, {largest}", r"$\longrightarrow$", 15.0, color=PRESS, markeredgewidth=0.3),
-        "tension": _mark("pulling (hollow)", r"$\Rightarrow$", 13.0, color=PRESS, markeredgewidth=0.3),
-        "couples on faces": _line("bending without thrust on face", **TURN, markersize=8.0, color=PRESS),
-        "thrust": _line("thrust line", **THRUST),
-        "yield dry": _line(YIELDS["dry"].meaning, linestyle="none", markersize=6.0, **YIELD["yield dry"]),
-        "yield inner": _line(YIELDS["inner"].meaning, linestyle="none", markersize=6.0, **YIELD["yield inner"]),
+        "press": lambda: _mark(f"pressing, {largest}", r"$\longrightarrow$", 15.0, color=PRESS, markeredgewidth=0.3),
+        "tension": lambda: _mark("pulling (hollow)", r"$\Rightarrow$", 13.0, color=PRESS, markeredgewidth=0.3),
+        "couples on faces": lambda: _line("bending without thrust on face", **TURN, markersize=8.0, color=PRESS),
+        "thrust": lambda: _line("thrust line", **THRUST),
+        "yield dry": lambda: _line(YIELDS["dry"].meaning, linestyle="none", markersize=6.0, **YIELD["yield dry"]),
+        "yield inner": lambda: _line(YIELDS["inner"].meaning, linestyle="none", markersize=6.0, **YIELD["yield inner"]),
     }
-    handles += [handle for name, handle in styles.items() if name in drawn]
+    handles += [handle() for name, handle in styles.items() if name in drawn]
     return handles + load_handles(drawn)
 
 

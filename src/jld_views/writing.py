@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.axis import Tick
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
@@ -35,12 +35,14 @@ _LEAST_SEEN: Final = 0.008
 def as_written(figure: Figure) -> Iterator[None]:
     """Make figures drawn inside this context show all text literally."""
     # Dollar signs do not begin formulas, unprintable characters become blanks, and missing glyphs cause no warning.
-    texts = figure.findobj(lambda artist: isinstance(artist, Tick | Text))
-    ticks = {id(text) for tick in texts if isinstance(tick, Tick) for text in (tick.label1, tick.label2)}
-    for text in texts:  # but for numbers made by matplotlib
-        if isinstance(text, Text) and id(text) not in ticks:
-            text.set_parse_math(False)
-            text.set_text(files.printable(text.get_text()))
+    artists: list[Artist] = [figure]
+    while artists:
+        artist = artists.pop()
+        if isinstance(artist, Text):
+            artist.set_parse_math(False)
+            artist.set_text(files.printable(artist.get_text()))
+        # an axis makes its ticks when they are asked for, if it is seen or not; its numbers stay
+        artists += [artist.label, artist.offsetText] if isinstance(artist, Axis) else artist.get_children()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
         yield
