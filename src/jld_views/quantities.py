@@ -93,24 +93,26 @@ def pressure_points(assembly: Assembly, forces: Floats) -> tuple[Floats, Bools]:
         shift = x1[:, None] * faces.e1
         if assembly.dimension == 3:
             shift = shift + x2[:, None] * faces.e2
-    used = np.array([_gauge(assembly, k, np.array([x1[k], x2[k]])) for k in range(len(faces))])
-    on_face = np.isfinite(x1) & np.isfinite(x2) & (used <= 1.0 + 1e-6)
+    inside = np.isfinite(x1) & np.isfinite(x2)
+    on_face = inside & (_gauge(assembly, np.column_stack([x1, x2]), inside) <= 1.0 + 1e-6)
     return faces.origin + np.where(on_face[:, None], np.nan_to_num(shift, posinf=0.0, neginf=0.0), 0.0), on_face
 
 
-def _gauge(assembly: Assembly, face: int, point: Floats) -> float:
-    """Return the relative position of a point (2,) of a face: 0 at the centroid, 1 on the hull, inf for NaN."""
+def _gauge(assembly: Assembly, points: Floats, finite: Bools) -> Floats:
+    """Return the relative positions (m,) of finite points (m, 2) on their faces: 0 at the centroid, 1 on the hull."""
     faces = assembly.interfaces
-    if not np.all(np.isfinite(point)):
-        return np.inf
-    if assembly.dimension == 2 or faces.rectangle[face]:
-        second = 0.0 if assembly.dimension == 2 else abs(point[1]) / (0.5 * faces.l2[face])
-        return float(max(abs(point[0]) / (0.5 * faces.l1[face]), second))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        used = abs(points[:, 0]) / (0.5 * faces.l1)
+        if assembly.dimension == 2:
+            return used
+        used = np.maximum(used, abs(points[:, 1]) / (0.5 * faces.l2))
     from scipy.spatial import ConvexHull
 
-    arm = faces.polygon[face] - faces.origin[face]
-    hull = ConvexHull(np.column_stack([arm @ faces.e1[face], arm @ faces.e2[face]])).equations
-    return float(np.max(hull[:, :2] @ point / -hull[:, 2]))
+    for face in np.flatnonzero(finite & ~faces.rectangle):
+        arm = faces.polygon[face] - faces.origin[face]
+        hull = ConvexHull(np.column_stack([arm @ faces.e1[face], arm @ faces.e2[face]])).equations
+        used[face] = np.max(hull[:, :2] @ points[face] / -hull[:, 2])
+    return used
 
 
 def face_vectors(assembly: Assembly, forces: Floats) -> Floats:
