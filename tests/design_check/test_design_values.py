@@ -13,7 +13,14 @@ from cases import box, dry_and_inner
 from command import refused
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_core.scene import design as scene_design
-from jld_practice.design_check import at_design_loads, at_design_values, combinations_of, design_check, to_json
+from jld_practice.design_check import (
+    at_design_loads,
+    at_design_values,
+    combinations_of,
+    design_check,
+    in_words,
+    to_json,
+)
 
 FACTORS = {"self_weight": [0.9, 1.2], "live": 1.4, "strength": 1.6, "friction": 1.25}
 
@@ -475,3 +482,19 @@ def test_parts_and_fields_are_refused_in_one_line() -> None:
     document = {**slab(0.8), "cracks": {"kind": "fields", "gap": 0.1}}
     with pytest.raises(InputError, match=r"cracks: EN 1990, 6.4.3.1\(4\).*fields do not"):
         checked(document)
+
+
+def test_bounds_by_fields_end_with_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first mesh of a small dome took twice the minute that a check has; nothing is then said of its blocks."""
+    monkeypatch.setattr("jld_practice.design_check.check._LEAST_SECONDS", 0.0)
+    material = dry_and_inner(2000.0, 0.75, 2e5, 2e5)
+    boxes = [box("ground", (0, 0, -1), (2, 1, 0), support=True), box("b", (0, 0, 0), (1, 1, 1))]
+    boxes.append(box("c", (0, 0, 1), (1, 1, 2)))
+    document = {"elements": boxes, "materials": material, "loads": {"live": [{"body": [0.1, 0, 0]}]}}
+    document["design"] = {"set": "own", "factors": FACTORS}
+    whole, cut = checked(document), checked(document, seconds=0.0)
+    assert whole.verified is True
+    assert whole.anywhere[0].verified is True
+    assert cut.verified is None
+    assert cut.anywhere[0].bounds.status is Status.UNCERTIFIED
+    assert "no bound found in time" in in_words(cut)

@@ -19,6 +19,7 @@ from scipy.sparse.linalg import splu
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import chosen, interface
 from jld_core.batch.library import Cones, ConeTask, library, pointers, require_success
+from jld_core.deadline import time_left
 from jld_core.linalg.factors import columns_of_factor
 
 # Pivot of an equation over the largest below which it depends on others; independent ones have 1e-4 and more
@@ -492,10 +493,13 @@ _ROUGH_REGULAR = 1e-7
 
 
 def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: ConeSizes) -> Answer:
-    """Minimise q x where A x + s = b and s lies in cones; the answer is not verified."""
-    width = len(objective)
+    """Minimise q x where A x + s = b and s lies in cones, until an enforced deadline; the answer is not verified."""
+    width, seconds_left = len(objective), time_left()
+    if seconds_left <= 0.0:
+        return Answer(np.zeros(width), np.zeros(len(rhs)), np.nan, False, "MaxTime")
     settings = _settings(
         input_sparse_dropzeros=True,
+        **({"time_limit": seconds_left} if seconds_left < np.inf else {}),
         max_iter=_MOST_STEPS,
         direct_solve_method="qdldl",
         static_regularization_constant=_ROUGH_REGULAR,

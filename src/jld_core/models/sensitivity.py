@@ -279,7 +279,7 @@ class SolvedProgram:
             (),
         )
         answer = self._solver.solve(program)
-        if answer.status is RawStatus.ALMOST:  # a simplex, which takes minutes where this takes a second, ends at a vertex
+        if answer.status is RawStatus.ALMOST:  # a simplex ends at a vertex, but takes minutes where this takes a second
             answer = HighsSolver(tolerance=_SLACK).solve(program)
         return float(program.objective @ answer.point) if answer.status is RawStatus.OPTIMAL else math.nan
 

@@ -6,6 +6,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any, Final, Literal
@@ -17,6 +18,8 @@ from scipy.sparse.linalg import splu
 from jld_core import (
     Assembly,
     Bits,
+    Deadline,
+    DeadlinePassed,
     Floats,
     InputError,
     LimitAnalysisResult,
@@ -643,6 +646,9 @@ def _structures(
     return structures
 
 
+_LEAST_SECONDS: Final = 5.0  # for bounds by fields on the first mesh of each load case, however short the time is
+
+
 def _solve(scene: Scene, structure: Assembly, labels: Bits, seconds: float) -> Solution:
     """Solve a structure under all its load cases, by fields where the scene says so."""
     if isinstance(scene.cracks, cracks.FieldCracks):
@@ -714,7 +720,9 @@ def _with_cracks_anywhere(
         high = checks[k].bounds.high
         return high / checks[k].required if math.isfinite(high) else -1.0
 
-    assess_all(len(loaded), seconds, assess, least)
+    # in space the first mesh alone may take minutes
+    with suppress(DeadlinePassed), Deadline(max(seconds, _LEAST_SECONDS)).enforced():
+        assess_all(len(loaded), seconds, assess, least)
     by_case: dict[int, list[CaseCheck]] = {loading.number: [] for loading in loaded}
     for loading, checks_of in zip(loaded, checks, strict=True):
         by_case[loading.number].append(checks_of)

@@ -69,12 +69,9 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
     ),
     "governs": ("This governs.", "Dies ist maßgebend.", "Questo è determinante."),
     "between": ("between {low} and {high}", "zwischen {low} und {high}", "tra {low} e {high}"),
+    "unbounded": ("no bound found in time", "keine Schranke in der Zeit", "nessun limite nel tempo dato"),
     "any_load": ("no live load brings it down", "keine Nutzlast bringt es zum Einsturz", "nessun carico lo abbatte"),
-    "falls": (
-        "falls under its permanent loads",
-        "fällt unter seinen ständigen Lasten",
-        "cade sotto i carichi permanenti",
-    ),
+    "falls": ("falls under its permanent loads", "fällt unter ständigen Lasten", "cade sotto i carichi permanenti"),
     "rigid": (
         "Blocks do not crack: the scene states no strengths of theirs.",
         "Blöcke reißen nicht: die Szene nennt keine Festigkeiten.",
@@ -337,6 +334,8 @@ def _values(case: CaseCheck, words: Mapping[str, str]) -> str:
         return words["falls"]
     if high - low <= 1e-3 * high < math.inf:
         return f"λ = {_shown(case.bounds.load_factor)}, {words['use']} = {_shown(case.utilisation)}"
+    if not (math.isfinite(case.bounds.low) or math.isfinite(case.bounds.high)):
+        return words["unbounded"]
     ends = (_shown(end) if math.isfinite(end) else "?" for end in (case.bounds.low, case.bounds.high))
     load = words["between"].format(low=next(ends), high=next(ends))
     use = words["between"].format(low=_shown(low), high=_shown(high))
