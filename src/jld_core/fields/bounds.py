@@ -185,6 +185,7 @@ _LEAST_GROWTH = {2: 1.0, 3: 1.05}  # growth of a mesh up to which it is not wort
 # Number of meshes after which refinement ends if a bound is still missing. The dead load needs fine meshes at few
 # places.
 _PATIENCE = 8
+_GRACE = 1.0  # s by which a mesh in space may pass the time given
 
 # Meshes from one upper bound to the next where the lower bound comes first. An upper bound takes three to five times as
 # long as a lower one on the same mesh.
@@ -334,7 +335,7 @@ class FieldStatus(StrEnum):
     """How the computation by fields ended.
 
     CLOSED: the gap is reached. UNSTABLE: upper bound below 0, so the blocks collapse for every λ ≥ 0. OPEN: the gap is
-    wider. NO_LOWER, NO_UPPER: that bound was not found.
+    wider. NO_LOWER, NO_UPPER: that bound was not found. NO_TIME: one was not, as time ended on a mesh in space.
     """
 
     CLOSED = "closed"
@@ -342,6 +343,7 @@ class FieldStatus(StrEnum):
     OPEN = "open"
     NO_LOWER = "no lower bound"
     NO_UPPER = "no upper bound"
+    NO_TIME = "no time"
 
 
 def relative_gap(lower: float, upper: float) -> float:
@@ -458,7 +460,8 @@ def bounds_by_fields(
     gap : float, optional
         Width of the bracket, relative, at which refinement ends; above 0. By default 0.05, in space 0.15.
     seconds : float, optional
-        No mesh is begun that is not expected to be done by then; the first one always is. By default no limit, s.
+        No mesh is begun that is not expected to be done by then, save the first; in space even that one ends then. 0:
+        the first mesh alone, whatever it takes. By default no limit, s.
     patch : float, optional
         Length of the patch that each live force on a free face is spread on; by default the whole face (docs/method.md
         (9.5)).
@@ -573,11 +576,17 @@ class FieldRefinement:
             raise ValueError("refinement has ended; expected a step before")
         start, mesh = time.perf_counter(), self._mesh
         with_velocities = self.upper_due if upper is None else upper
-        fields = Fields.on(self._setting, mesh, self._labels, velocities=with_velocities)
+        # 0: one mesh, however long; the first one of a dome of 32 cells takes minutes
+        limited = self._dimension == 3 and bool(self._seconds)
+        deadline = Deadline(max((self._seconds or 0.0) - self._spent, 0.0) + _GRACE if limited else None)
+        with deadline.enforced():
+            fields = Fields.on(self._setting, mesh, self._labels, velocities=with_velocities)
         seconds = time.perf_counter() - start
         self._times[with_velocities] = len(mesh), seconds
         self._best = self._best.improved(fields, self._spent + seconds, self._gap)
         status = self._best.status
+        if deadline.passed() and status in (FieldStatus.NO_LOWER, FieldStatus.NO_UPPER):
+            self._best = replace(self._best, status=FieldStatus.NO_TIME)
         # without one of the bounds refinement helps only so far
         one_sided = status is not FieldStatus.OPEN and len(self._best.history) >= _PATIENCE
         ended = status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or one_sided

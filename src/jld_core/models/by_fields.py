@@ -122,6 +122,7 @@ class FieldResult(Result):
         words = {
             FieldStatus.NO_LOWER: "no stress field was found: the blocks may be too weak for their own weight",
             FieldStatus.NO_UPPER: "no velocity field could be certified",
+            FieldStatus.NO_TIME: f"time ended on {bounds.simplices} {bounds.shape}; more --seconds may bound λ",
         }
         limit = f"time or {bounds.shape} ended refinement before the gap of {self.cracks.gap:g}"
         return words.get(bounds.status, f"{limit}; a larger gap or more --seconds may narrow it")
