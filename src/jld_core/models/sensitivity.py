@@ -279,7 +279,8 @@ class SolvedProgram:
             (),
         )
         answer = self._solver.solve(program)
-        if answer.status is RawStatus.ALMOST:  # a simplex ends at a vertex, but takes minutes where this takes a second
+        if answer.status not in (RawStatus.OPTIMAL, RawStatus.UNBOUNDED, RawStatus.INFEASIBLE):
+            # a simplex ends at a vertex, but takes minutes where an interior point takes a second
             answer = HighsSolver(tolerance=_SLACK).solve(program)
         return float(program.objective @ answer.point) if answer.status is RawStatus.OPTIMAL else math.nan
 
