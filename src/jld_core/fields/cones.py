@@ -432,7 +432,8 @@ class ConeProgram:
     def _by_clarabel(self, off: Bools | None, objective: Floats | None) -> Answer:
         """Solve by Clarabel, a second time with refined linear systems where it did not converge."""
         answer = self._solve(off, objective, careful=False)
-        if answer.status in _ENDED or (answer.status == "AlmostSolved" and self._residual(False) <= _NEAR):
+        ended = time_left() <= 0.0 or answer.status in _ENDED
+        if ended or (answer.status == "AlmostSolved" and self._residual(False) <= _NEAR):
             return answer
         return self._solve(off, objective, careful=True)
 
@@ -461,6 +462,10 @@ class ConeProgram:
             solver.update(A=data, b=rhs)
         if objective is not None:
             solver.update(q=objective)
+        if time_left() < np.inf:
+            solver.set_termination_callback(lambda info: time_left() <= 0.0)
+        else:
+            solver.unset_termination_callback()
         answer = solver.solve()
         status = str(answer.status)
         usable = status in ("Solved", "AlmostSolved", "InsufficientProgress", "MaxIterations")
