@@ -106,9 +106,9 @@ def _gauge(assembly: Assembly, points: Floats, finite: Bools) -> Floats:
         if assembly.dimension == 2:
             return used
         used = np.maximum(used, abs(points[:, 1]) / (0.5 * faces.l2))
-    from scipy.spatial import ConvexHull
-
     for face in np.flatnonzero(finite & ~faces.rectangle):
+        from scipy.spatial import ConvexHull  # slow to import, and seldom needed
+
         arm = faces.polygon[face] - faces.origin[face]
         hull = ConvexHull(np.column_stack([arm @ faces.e1[face], arm @ faces.e2[face]])).equations
         used[face] = np.max(hull[:, :2] @ points[face] / -hull[:, 2])
