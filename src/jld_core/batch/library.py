@@ -169,18 +169,15 @@ def described() -> str:
 # Of 512 layouts of 278 faces, 128 of 946, 64 of 2 016, `LARGE_TRIES` proves 493, 124 and 53 in its first pass and all
 # but 0, 1 and 0 at last, with 15.6, 21.7 and 31 iterations for one; `TRIES` took 17.1 at 278 faces.
 LARGE: Final = 200  # faces of a planar assembly from which on `LARGE_TRIES` apply. Source: benchmarks/batch_solver.py.
-# Faces of a planar assembly from which on bounds use half the lanes of AVX-512.
-# Workspaces of eight labellings no longer fit into the cache: half take 1.2, 1.0 and 0.7 to 0.9 times as long at 278,
-# 946 and 1 225 faces and more.
+# Faces of a planar assembly from which on bounds use half the lanes of AVX-512. Workspaces of eight labellings no
+# longer fit into the cache: half take 1.2, 1.0 and 0.7 to 0.9 times as long at 278, 946 and 1 225 faces and more.
 NARROW: Final = 1000
 # Range of the share of dry faces of the random labellings whose mean solution gives the starting point.
 DRY_SHARES: Final = (0.0, 1.0)
 # Iterations of the first pass: 20.2 instead of 23.6 at 946 faces, 27.1 instead of 30.3 at 2 016 (layouts in blocks of
 # four); 26.0 instead of 26.8 and 28.7 instead of 30.0 (random labels of any share); 30.9 instead of 29.7 and 34.2
-# instead of 33.5 (less than a third dry).
-# That range for planar assemblies of `LARGE` faces and more.
-# Below a half, random labels join elements to few blocks, and λ is far above that of layouts. Source:
-# benchmarks/batch_solver.py.
+# instead of 33.5 (less than a third dry). That range for planar assemblies of `LARGE` faces and more. Below a half,
+# random labels join elements to few blocks, and λ is far above that of layouts. Source: benchmarks/batch_solver.py.
 LARGE_DRY_SHARES: Final = (0.5, 1.0)
 SAMPLES: Final = 32  # random labellings whose mean solution gives the starting point
 # With 32, 16, 8 and none a layout takes 31.2, 30.5, 29.3 and 31.8 iterations at 2 016 faces, 21.8, 22.4, 22.5 and 22.3

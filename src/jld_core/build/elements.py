@@ -53,10 +53,7 @@ def collect_elements(
     shape: list[Floats],
     faces: tuple[tuple[tuple[int, ...], ...], ...],
 ) -> Elements:
-    """Build the elements of a scene without weights.
-
-    Entries may replace computed centroids (n, d) and volumes (n,).
-    """
+    """Build the elements of a scene without weights. Entries may replace computed centroids (n, d) and volumes (n,)."""
     volume = np.array([e.volume if e.volume is not None else v for e, v in zip(entries, volume, strict=True)])
     centroid = np.array([e.centroid if e.centroid is not None else c for e, c in zip(entries, centroid, strict=True)])
     support = np.array([entry.support for entry in entries])
@@ -239,10 +236,7 @@ def _cells(grid: Grid) -> list[Element]:
 
 
 def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
-    """Return the block of each free cell of a grid, by (row, column).
-
-    Its letter, with a number if it has several parts.
-    """
+    """Return the block of each free cell of a grid, by (row, column): its letter, and a number if in several parts."""
     number_of: dict[tuple[int, int], int] = {}
     count_of: dict[str, int] = {}
     for r, row in enumerate(rows):

@@ -383,10 +383,7 @@ class Boundary:
     backing: Backing | None = None  # fill on the structure, None without fill
 
     def loads(self, entries: Sequence[LoadEntry], key: str) -> Loads:
-        """Return load entries as loads on elements.
-
-        Pressures become tractions on free edges or faces.
-        """
+        """Return load entries as loads on elements. Pressures become tractions on free edges or faces."""
         d = self.elements.centroid.shape[1]
         body = np.zeros((len(self.elements), d))
         couples = np.zeros((len(self.elements), 1 if d == 2 else 3))

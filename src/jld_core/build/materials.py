@@ -159,10 +159,7 @@ _KEY = "materials.dry.tensile_strength"
 
 
 def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMaterial | None]) -> Assembly:
-    """Return an assembly whose dry joints have a tensile strength.
-
-    Strengths, dead loads and σt A in `members.bond`.
-    """
+    """Return an assembly whose dry joints have a tensile strength. Strengths, dead loads and σt A in `members.bond`."""
     # With N' = N + σt A, the yield sets of both labels are sets without this strength: a dry face has c − μ σt, an
     # inner one the tensile strength less σt. The difference is a constant force σt A that pulls both sides of the face
     # together, part of the dead load. Results subtract it from N'.
@@ -221,10 +218,7 @@ def bond_pull(assembly: Assembly, force: Floats) -> Floats:
 
 
 def with_members(assembly: Assembly, entries: Sequence[Member], fill_bars: Members | None = None) -> Assembly:
-    """Return an assembly with members.
-
-    An interface for each whose force may vary, and prestress among dead loads.
-    """
+    """Return an assembly with members. An interface for each whose force may vary, and prestress among dead loads."""
     if not entries and not fill_bars:
         return assembly
     members = _members(assembly, entries) if entries else Members()

@@ -278,10 +278,7 @@ class Fields:
         return stresses, None if self.velocity is None else mechanism_of(self.upper, self.velocity, self.labels)
 
     def finer(self, adaptive: bool = True, *, steps: bool = True, most: int = _MOST[3]) -> Mesh:
-        """Return the next mesh, at most `most` tetrahedra.
-
-        Refined everywhere, or adaptively by docs/method.md (9.12).
-        """
+        """Return the next mesh, of at most `most` tetrahedra: refined everywhere, or by docs/method.md (9.12)."""
         problem, every = self.problem, np.ones(len(self.mesh), dtype=bool)
         if self.mesh.dimension == 3:
             if not adaptive or self.stress is None:

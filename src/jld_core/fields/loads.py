@@ -262,10 +262,7 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], cell: int, place: Float
 
 
 def steepest(candidates: list[tuple[float, int]], element: str, place: Floats) -> int:
-    """Return the number of the largest push among (push, number).
-
-    InputError for two alike, so that no order decides.
-    """
+    """Return the number of the largest push among (push, number); InputError for two alike."""
     (push, number), *lesser = sorted(candidates, reverse=True)
     if lesser and lesser[0][0] >= push * (1.0 - tolerances.CONTACT):
         place_text = ", ".join(f"{value:g}" for value in place)

@@ -733,10 +733,7 @@ class LimitAnalysis:
         return Status.COLLAPSE if bounded else Status.UNCERTIFIED
 
     def is_open(self, proof: Proof) -> bool:
-        """Return True if a bound is missing, or the bracket wider than the gap aimed at.
-
-        False if unstable or locked.
-        """
+        """Return True if a bound is missing or the bracket too wide; False if unstable or locked."""
         if proof.status is Status.COLLAPSE:
             return relative_width(proof.low, proof.high, self.load_scale) > self.gap
         return proof.status is Status.UNCERTIFIED

@@ -225,9 +225,8 @@ def _arms(matrix: sp.csr_array, element: Ints, face: Ints, q: int) -> Floats:
     return np.asarray(matrix[rows.ravel(), columns.ravel()]).reshape(-1, q, q)
 
 
-# Share of the threshold that the λ of every block must reach.
-# Values nearer to 1 make the relaxation tighter. The program is then often infeasible, and an infeasibility proof
-# gives a worse bound than a low λ.
+# Share of the threshold that the λ of every block must reach. Values nearer to 1 make the relaxation tighter. The
+# program is then often infeasible, and an infeasibility proof gives a worse bound than a low λ.
 LEAST_SHARE: Final = 0.5
 _LEAST_CAP: Final = 1e-9  # least normal force, scaled, by which the row of a cap is divided
 
@@ -256,10 +255,7 @@ class AllBlocksProgram:
     _cone: int
 
     def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
-        """Create the program of the allowed blocks (p,); also its rows and columns among all.
-
-        λ in [threshold, most].
-        """
+        """Create the program of allowed blocks (p,), λ in [threshold, most]; also its rows and columns among all."""
         row, column, value = self._table
         value = value.copy()
         value[self._upper_entries] = -most

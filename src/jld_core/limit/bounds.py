@@ -589,10 +589,7 @@ class Proof:
 
     @property
     def crossed(self) -> bool:
-        """Return True if the bounds contradict each other by more than rounding.
-
-        In that case neither bound is reliable.
-        """
+        """Return True if the bounds contradict each other by more than rounding: neither is reliable then."""
         if self.state is None or self.motion is None:
             return False
         # Same test as `brackets.crossed`, which accepts arrays and takes ten times as long.

@@ -376,10 +376,7 @@ _Kind = TypeVar("_Kind", Relaxation, BlockRelaxation)  # kind of relaxation of t
 
 
 class _Cases(Generic[_Kind]):
-    """Relaxations of all load cases with their units, governing factor per scaled λ.
-
-    The one that refuted most first.
-    """
+    """Relaxations of all load cases with their governing factor per scaled λ; the one that refuted most first."""
 
     def __init__(self, cases: Sequence[_Kind], required: Sequence[float]) -> None:
         self._cases: list[_Kind] = list(cases)

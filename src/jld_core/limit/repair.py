@@ -139,10 +139,7 @@ class Repair:
         return state if state.admissible else self._boundary_state_at_zero(raw.point, labels)
 
     def stands(self, labels: Bits) -> bool | None:
-        """Decide whether λ = 0 is admissible: by a state, or not, by a motion that gains energy.
-
-        None: neither found.
-        """
+        """Decide whether λ = 0 is admissible: by a state, or not, by a motion that gains energy; else None."""
         proof = self.proof_at_zero(labels)
         return None if proof is None else isinstance(proof, State)
 

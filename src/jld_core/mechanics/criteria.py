@@ -384,10 +384,7 @@ _TOUCHES: Final = 1e-12  # distance of a vertex from a row, relative to strength
 
 
 def row_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> RowYield:
-    """Make the yield sets of all faces from rows, of plug-ins too.
-
-    InputError for joints that crush and unusable rows.
-    """
+    """Make the yield sets of all faces from rows; InputError for joints that crush and unusable rows."""
     dry, inner = _of_stresses(assembly, inner_bending)
     sets = _align_rows(assembly.dimension, [dry, inner, _enclosing(assembly.dimension, dry, inner)])
     dry, inner, both = (rows.scaled(assembly.interfaces.area / scaling.force) for rows in sets)

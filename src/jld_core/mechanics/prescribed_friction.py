@@ -125,10 +125,7 @@ class PrescribedFriction:
         return np.where(self.has_friction(labels), self.shear(forces, labels) - capacity, -np.inf)
 
     def dilation(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the opening (m,) beyond that of rotation, docs/method.md (4.5).
-
-        0 if a face cannot slide, or crushes.
-        """
+        """Return the opening (m,) beyond that of rotation (4.5), 0 if a face cannot slide, or crushes."""
         excess = self._smooth.margin(self._jumps_about(jumps, labels), labels)
         return np.where(self.slides(labels) & np.isfinite(excess), excess, 0.0)
 

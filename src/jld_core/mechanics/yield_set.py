@@ -176,19 +176,13 @@ class FrictionSet(YieldSet, Protocol):
         """Return True if any dry face resists shear without N."""
 
     def is_dry(self, labels: Bits) -> Bools:
-        """Return a mask (m,), True for faces that have the strengths of a dry face.
-
-        labels: (m,) True = dry.
-        """
+        """Return a mask (m,), True for faces that have the strengths of a dry face. labels: (m,) True = dry."""
 
     def friction_of(self, labels: Bits) -> Floats:
         """Return the friction coefficient μ (m,) of each face under labels (m,), True = dry."""
 
     def capacity_of(self, labels: Bits) -> Floats:
-        """Return the scaled shear capacity (m,) of each face at N = 0.
-
-        labels: (m,) True = dry.
-        """
+        """Return the scaled shear capacity (m,) of each face at N = 0. labels: (m,) True = dry."""
 
     def shear_of(self, forces: Floats) -> Floats:
         """Return the shear demand (m,) of resultants (m, q), to compare with c + μN: |V|, in space |V| + |mT|."""

@@ -323,10 +323,7 @@ def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, blocks_analysis: Limit
 
 
 def prove_loaded_part(full: LimitAnalysis, labels: Bits, proof_so_far: Proof) -> Proof | None:
-    """Prove bounds by the elements connected to a loaded one, in their own scale.
-
-    None if that are all, or none holds.
-    """
+    """Prove bounds by the elements connected to a loaded one, in their own scale; None if all are, or none holds."""
     assembly, scale = full.assembly, full.template.scaling
     elements, faces = assembly.elements, assembly.interfaces
     if proof_so_far.state is None or assembly.members:
@@ -366,8 +363,7 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     # Labels are dry for point faces and inner for all others. A point face has no area, no moments and a polygon of one
     # point. Its sizes are those of its parent face; they only scale moments, which a point face does not have. Corners
     # inside the hull are omitted: their cones are sums of the cones of the hull corners. Source: Livesley 1992;
-    # docs/method.md (2.13).
-    # A point has no area: dry compressive and shear strengths are refused.
+    # docs/method.md (2.13). A point has no area: dry compressive and shear strengths are refused.
     faces = assembly.interfaces
     if assembly.members.bond is not None:
         raise ParameterError("contact", "points have no tensile strength of bond", "convex contact there")

@@ -146,10 +146,7 @@ class FaceMaterial(Part):
 
 
 class Materials(Part):
-    """Weights and strengths of all elements and faces.
-
-    gravity: magnitude, acting downwards, or a vector.
-    """
+    """Weights and strengths of all elements and faces. gravity: magnitude, acting downwards, or a vector."""
 
     density: Weighing | None = None
     gravity: Annotated[float | Vector, Field(description="a number or a vector")] = 9.81

@@ -96,10 +96,7 @@ class ClarabelSolver(Solver):
             self._set_up(program, program.objective)
 
     def solve(self, program: ConicProgram, centre: Floats | None = None) -> RawSolution:
-        """Solve a program, with a proximal term about F₀ if `centre` (count,) is given.
-
-        Stationarity up to ε(F − F₀).
-        """
+        """Solve a program, with a proximal term about F₀, ε(F − F₀), if `centre` (count,) is given."""
         start = time.perf_counter()
         program = program.rounded
         objective = program.objective

@@ -516,10 +516,7 @@ class SchurSolver(Solver):
         return RawSolution(status, point, dual, iterations, time.perf_counter() - start, note=iteration.note)
 
     def _block_equations(self, program: ConicProgram) -> BlockEquations | None:
-        """Return the transformation of a program to equilibrium of whole blocks.
-
-        None where every block is one element.
-        """
+        """Return the transformation of a program to equilibrium of whole blocks; None where each is one element."""
         # The last transformation is stored and reused if it fits the program.
         bodies, equations = program.bodies, self._equations
         if bodies is None:

@@ -445,10 +445,7 @@ class CommonMeshes:
 
     @property
     def shared(self) -> tuple[int, ...]:
-        """Positions in `meshes` by triangles, coarsest first, repeated where refinement ended.
-
-        As many for all cases.
-        """
+        """Positions in `meshes`, coarsest first, as many for all cases: repeated where refinement ended."""
         sizes = np.array([len(mesh) for mesh in self.meshes])
         positions = [int(np.searchsorted(sizes, times * len(self._setting.coarse))) for times in _SHARED]
         return 0, *(min(position, len(sizes) - 1) for position in positions)

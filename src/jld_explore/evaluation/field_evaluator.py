@@ -388,10 +388,7 @@ class FrontAim(BestAim):
         return np.asarray(~closed & ~_near(self.enough(low), high, gap) & (high > self.enough(low)))
 
     def enough(self, low: Floats) -> Floats:
-        """Return, for each layout, the best lower bound among equal or better counts.
-
-        See `RaceAim.enough`.
-        """
+        """Return, for each layout, the best lower bound among equal or better counts. See `RaceAim.enough`."""
         envelope = Envelope(self._counts.shape[1])
         known = np.isfinite(low)
         envelope.learn(low[known], self._counts[known])
@@ -410,10 +407,7 @@ class RequirementAim:
         return np.asarray(~met & (high >= self._required) & (self._counts < best))
 
     def order(self, rows: Ints, high: Floats) -> Ints:
-        """Return `rows` sorted by count, then by upper bound, the best first.
-
-        See `RaceAim.order`.
-        """
+        """Return `rows` sorted by count, then by upper bound, the best first. See `RaceAim.order`."""
         return rows[np.lexsort((-high[rows], self._counts[rows]))]
 
     def enough(self, low: Floats) -> Floats:

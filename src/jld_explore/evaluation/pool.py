@@ -248,10 +248,7 @@ class Pool:
         return self.jobs if self._client is None else max(1, sum(self._client.ncores().values()))
 
     def submit(self, function: Callable[..., Result], *arguments: Any) -> Future[Result]:
-        """Submit a function that other processes can import.
-
-        An error of a dead process is raised here or in the future.
-        """
+        """Submit a function that other processes can import; an error of a dead one is raised here or in the future."""
         with deferred_signals(), ExitStack() as starting:
             if self._executor is None:
                 self._settings.enter_context(ignored_warning("A worker stopped while some jobs", UserWarning))

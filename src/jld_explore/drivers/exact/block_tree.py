@@ -196,8 +196,7 @@ class BlockTree:
             self._solved_ahead.update(others)
             return first[1]
         tried, conflicts = list[FaceChildren](), list[Conflict]()
-        # Without the batch solver programs are solved one by one, so further faces are skipped once a label is
-        # refuted.
+        # Without the batch solver programs are solved one by one, so further faces are skipped once a label is refuted.
         for face in faces:
             if branching.time_is_up():
                 return None
