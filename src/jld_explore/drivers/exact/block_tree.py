@@ -316,8 +316,10 @@ _MOST_INACCURATE: Final = 20
 _FIRST_INTERVAL: Final = 16  # programs of the tree before annealing runs for the first time; later intervals double
 _LONGEST_INTERVAL: Final = 256  # largest number of programs of the tree between two runs of annealing
 
-# Sides of blocks for each labelling annealed per program of the tree, without and with the batch solver: a labelling of
-# 140 faces takes .4 ms, a program of 1 000 sides 4 ms there
+# Labellings annealed per program of the tree at most, and sides of blocks for each, without and with the batch solver:
+# a labelling of 140 faces takes .4 ms, a program of 1 000 sides 4 ms there. A tree of 74 000 sides beside a search,
+# which finds more, should lose no time.
+_MOST_LABELLINGS: Final = 30
 _SIDES_PER_LABELLING: Final = (12, 100)
 
 
@@ -370,7 +372,8 @@ class BlockSearch:
         self._bounds = bounds or BlockBoundPool(self._context, blocks)
         self._bounds.set_workers(self._jobs)
         sides = sides_of(self._context.space, blocks)
-        self._labellings_per_program = max(1, sides // _SIDES_PER_LABELLING[self._bounds.batched])
+        some = sides // _SIDES_PER_LABELLING[self._bounds.batched]
+        self._labellings_per_program = max(1, min(some, _MOST_LABELLINGS))
         tree = BlockTree(self._bounds, self._context.space, blocks, least, root)
         self._root_proof = tuple(map(BlockEvidence, tree.root.mechanisms))
         narrow = self._context.relaxation.batched and root - least <= _NARROW_GAP[self._bounds.batched] * abs(root)
