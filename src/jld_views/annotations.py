@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -209,7 +210,7 @@ def block_handle(assembly: Assembly, labels: Bits) -> Artist:
 
 def load_handles(drawn: Drawn) -> list[Artist]:
     """Return legend handles of the live loads that `draw_loads` has added to `drawn`."""
-    styles = {  # made where they are wanted, as arrows are set as formulas
+    styles: dict[str, Callable[[], Artist]] = {  # made where they are wanted, as arrows are set as formulas
         "live": lambda: _mark("live load, × λ", r"$\longrightarrow$", 15.0, color=LOAD, markeredgewidth=0.3),
         "body": lambda: _mark("live load on all bodies, × λ", r"$\Rightarrow$", 13.0, color=LOAD),
         "couples": lambda: _line("live couple, × λ", **TURN, markersize=10.0, color=LOAD),
@@ -225,7 +226,7 @@ def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thi
     for used in (0.0, 0.5, 1.0):
         width = max(thick, 1.0) * (0.45 + 1.15 * used)
         handles.append(_line(f"utilisation {used:g}", color=USED(used), linewidth=width))
-    styles = {
+    styles: dict[str, Callable[[], Artist]] = {
         "press": lambda: _mark(f"pressing, {largest}", r"$\longrightarrow$", 15.0, color=PRESS, markeredgewidth=0.3),
         "tension": lambda: _mark("pulling (hollow)", r"$\Rightarrow$", 13.0, color=PRESS, markeredgewidth=0.3),
         "couples on faces": lambda: _line("bending without thrust on face", **TURN, markersize=8.0, color=PRESS),
