@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 SOLVERS = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
 """Names that `make_solver` takes."""
 
-# Number of equations from which `schur` is faster and more accurate than Clarabel, without cones (False) and with
-# cones (True). Source: measured in benchmarks/large.py.
-LARGE: Final = {False: 2000, True: 600}
+# Number of equations from which `schur` is faster than Clarabel, without cones (False) and with cones (True); at 1 450
+# twice as fast, with brackets of 2e-9 instead of 1e-10. Source: measured in benchmarks/large.py.
+LARGE: Final = {False: 1400, True: 600}
 
 
 def make_solver(
