@@ -354,7 +354,8 @@ def test_every_kind_of_edit_is_taken_back_exactly(visit: Open, address: str) -> 
 def test_the_best_of_a_running_search_is_drawn(visit: Open, address: str) -> None:
     found = visit(address)
     answered(found)
-    drop(found, "tall.json", json.dumps(small_scene("a tall wall", ["abcdef", "ghijkl", "mnopqr", "abcdef", "######"])))
+    tall = small_scene("a tall wall", ["abcdefgh", "ijklmnop"] * 4 + ["########"])  # no proof ends while one looks
+    drop(found, "tall.json", json.dumps({**tall, "search": {"block_cells": [1, 3]}}))
     found.page.wait_for_function("() => studio.steps.past.length === 1")
     found.page.locator("[data-search=explore]").click()
     found.page.wait_for_selector("li[data-state=running] .best svg")
