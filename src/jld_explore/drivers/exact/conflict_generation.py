@@ -26,8 +26,9 @@ _DECAY: Final = 0.9  # weight of the earlier average when the share of refuted l
 def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
     """Return the windows (w, m) of each width, True where a face touches; none for few slabs."""
     # conflicts of faces close together share faces, so few of them exclude all labellings of a window
-    # (benchmarks/results/exact.md) A window is a run of 1, 2 or 3 neighbouring slabs of the elements along the longest
-    # axis. A labelling that a window alone refutes gives a small conflict.
+    # (benchmarks/results/exact.md).
+    # A window is a run of 1, 2 or 3 neighbouring slabs of the elements along the longest axis. A labelling that a
+    # window alone refutes gives a small conflict.
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
     low, high = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
